@@ -1,0 +1,1 @@
+"""Formats of others that the codec is compared with."""

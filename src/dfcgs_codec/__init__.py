@@ -1,0 +1,69 @@
+"""A codec for sequences of 3D Gaussian Splatting frames.
+
+    encode_sequence(folder, "out.dgs")      PLY folder (or GaussianClouds) -> one file
+    decode_sequence("out.dgs")              -> frames, one after the other
+    probe("out.dgs")                        what is in it, from the headers alone
+
+Names are loaded when they are used, so that a decoder never loads the encoder.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from dfcgs_codec._version import __version__
+from dfcgs_codec.errors import (
+    BitstreamError,
+    CorruptBitstream,
+    DfcgsError,
+    InputError,
+    LimitExceeded,
+    ModelMismatch,
+    NotADgsFile,
+    TruncatedBitstream,
+    UnsupportedBitstream,
+    VerificationError,
+)
+
+if TYPE_CHECKING:
+    from dfcgs_codec.api import decode_sequence, encode_sequence
+    from dfcgs_codec.codec.probe import probe
+    from dfcgs_codec.encoder.options import EncoderOptions
+    from dfcgs_codec.encoder.rate_control import Bound
+    from dfcgs_codec.gaussians import GaussianCloud
+
+_LAZY = {
+    "encode_sequence": "dfcgs_codec.api",
+    "decode_sequence": "dfcgs_codec.api",
+    "probe": "dfcgs_codec.codec.probe",
+    "EncoderOptions": "dfcgs_codec.encoder.options",
+    "Bound": "dfcgs_codec.encoder.rate_control",
+    "GaussianCloud": "dfcgs_codec.gaussians",
+}
+
+__all__ = [
+    "BitstreamError",
+    "Bound",
+    "CorruptBitstream",
+    "DfcgsError",
+    "EncoderOptions",
+    "GaussianCloud",
+    "InputError",
+    "LimitExceeded",
+    "ModelMismatch",
+    "NotADgsFile",
+    "TruncatedBitstream",
+    "UnsupportedBitstream",
+    "VerificationError",
+    "__version__",
+    "decode_sequence",
+    "encode_sequence",
+    "probe",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LAZY:
+        return getattr(import_module(_LAZY[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,53 @@
+"""The library's front door: what the command line does, as functions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
+from dfcgs_codec.encoder.encoder import Progress, encode_frames
+from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.report import EncodeReport
+from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.sequence import FolderSource, FrameSource, MemorySource, open_folder
+
+
+def _source(frames: Path | str | Sequence[GaussianCloud] | FrameSource) -> FrameSource:
+    if isinstance(frames, (str, Path)):
+        return open_folder(Path(frames))
+    if isinstance(frames, (FolderSource, MemorySource)):
+        return frames
+    if isinstance(frames, Sequence):
+        return MemorySource([frame for frame in frames if isinstance(frame, GaussianCloud)])
+    return frames
+
+
+def encode_sequence(
+    frames: Path | str | Sequence[GaussianCloud] | FrameSource,
+    target: Path | str,
+    options: EncoderOptions | None = None,
+    *,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> EncodeReport:
+    """Encode frames into the file `target`.
+
+    `frames` is a folder of PLY files, a list of GaussianClouds, or a FrameSource such as
+    `dfcgs_codec.sequence.open_folder` returns. `progress(done, total)` is called from time to time.
+    The file appears under its name only when it is whole; an existing one is kept unless `force`.
+    Raises InputError for input that cannot be coded or a bound that cannot be kept.
+    """
+    return encode_frames(_source(frames), Path(target), options, force=force, progress=progress)
+
+
+def decode_sequence(
+    path: Path | str, start: int = 0, stop: int | None = None, *, check: bool = True
+) -> Iterator[DecodedFrame]:
+    """Frames start..stop - 1 of the file at `path`, one after the other; `frame.cloud()` has the values.
+
+    Raises BitstreamError for a file that is refused and, with `check`, VerificationError where a frame's
+    hash is not the encoder's.
+    """
+    with Path(path).open("rb") as file:
+        yield from SequenceDecoder(file, check=check).frames(start, stop)

@@ -1,0 +1,1 @@
+"""Bytes to syntax structures and back; no numpy arithmetic."""

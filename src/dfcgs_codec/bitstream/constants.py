@@ -1,0 +1,107 @@
+"""Numbers of the format, as in bitstream_spec.md; changing one is a new bitstream version."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+MAGIC = b"\x89DGS\r\n\x1a\n"
+#: first bytes of another package's `.dgs` files (dgs-py: one static scene with linear velocities)
+FOREIGN_MAGIC = b"glps"
+BITSTREAM_VERSION = 1
+
+#: chunk types with this bit set may be skipped when unknown
+ANCILLARY_BIT = 0x80
+FRAME_HASH_BYTES = 16
+MODEL_HASH_BYTES = 8
+CRC_BYTES = 4
+
+#: state integers stay inside +-(2**29 - 1), so that the output process is exact
+STATE_LIMIT = (1 << 29) - 1
+#: fraction bits of the unit quaternion of the state
+ROTATION_FRACTION_BITS = 24
+#: fraction bits of the stereographic rotation vector that rotation symbols scale
+STEREO_FRACTION_BITS = 18
+#: the sort key holds this many bits per axis at most
+MAX_SORT_BITS = 21
+MAX_SORT_SHIFT = 31
+#: log2 of the Gaussians in a significance block of a P-frame
+MIN_BLOCK_LOG2 = 3
+MAX_BLOCK_LOG2 = 12
+
+
+class ChunkType(IntEnum):
+    """Kinds of chunks (spec section 3)."""
+
+    SEQUENCE_HEADER = 0x01
+    INTRA_FRAME = 0x10
+    INTER_FRAME = 0x20
+    HYPERPRIOR = 0x21
+    MOTION = 0x22
+    TOPOLOGY = 0x23
+    RESIDUAL = 0x24
+    INDEX = 0x7E
+    END = 0x7F
+    ENCODER_INFO = 0x81
+
+
+class Profile(IntEnum):
+    """Which prediction tools a stream may use (spec section 4)."""
+
+    MAIN = 0
+    PAPER = 1
+
+
+class OutputOrder(IntEnum):
+    """Order of the Gaussians in decoded frames (spec section 4)."""
+
+    FREE = 0
+    SEQUENCE = 1
+    INPUT = 2
+
+
+class IntraKind(IntEnum):
+    """How an I-frame is stored (spec section 5)."""
+
+    PLY = 0
+    CODED = 1
+
+
+class Attribute(IntEnum):
+    """Attributes in coding order; the value is the bit in `attribute_mask`."""
+
+    POSITION = 0
+    SCALE = 1
+    ROTATION = 2
+    OPACITY = 3
+    SH_DC = 4
+    SH_1 = 5
+    SH_2 = 6
+    SH_3 = 7
+
+
+#: integers per Gaussian in the state, by attribute
+STATE_COLUMNS = {
+    Attribute.POSITION: 3,
+    Attribute.SCALE: 3,
+    Attribute.ROTATION: 4,
+    Attribute.OPACITY: 1,
+    Attribute.SH_DC: 3,
+    Attribute.SH_1: 9,
+    Attribute.SH_2: 15,
+    Attribute.SH_3: 21,
+}
+
+
+class LevelLimits(NamedTuple):
+    """Largest counts that a stream of a level may hold."""
+
+    max_gaussians: int
+    max_frames: int
+
+
+LEVELS = {
+    1: LevelLimits(1 << 18, 1 << 14),
+    2: LevelLimits(1 << 21, 1 << 17),
+    3: LevelLimits(1 << 24, 1 << 20),
+}

@@ -1,0 +1,145 @@
+"""Headers of frames, `write` beside `read` (spec sections 5 and 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dfcgs_codec.bitstream.constants import (
+    FRAME_HASH_BYTES,
+    MAX_BLOCK_LOG2,
+    MAX_SORT_BITS,
+    MAX_SORT_SHIFT,
+    MIN_BLOCK_LOG2,
+    STATE_LIMIT,
+    Attribute,
+    IntraKind,
+)
+from dfcgs_codec.bitstream.fields import at_most, read_bounded, read_enum
+from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
+from dfcgs_codec.bitstream.sequence_header import SequenceHeader
+from dfcgs_codec.errors import CorruptBitstream, LimitExceeded
+
+
+@dataclass(frozen=True)
+class SortGrid:
+    """Cube and resolution of the position tree (spec section 9.1)."""
+
+    shift: int
+    bits: int
+    origin: tuple[int, int, int]
+    has_excess: bool
+
+    def write(self, writer: ByteWriter) -> None:
+        """shift and bits, three origins, the excess flag."""
+        writer.u8(self.shift)
+        writer.u8(self.bits)
+        for value in self.origin:
+            writer.svarint(value)
+        writer.u8(int(self.has_excess))
+
+    @staticmethod
+    def read(reader: ByteReader) -> SortGrid:
+        """Refuses shifts, bits and origins out of range."""
+        shift = read_bounded(reader.u8, MAX_SORT_SHIFT, "sort_shift", reader)
+        bits = read_bounded(reader.u8, MAX_SORT_BITS, "sort_bits", reader)
+        offset = reader.offset
+        x, y, z = reader.svarint(), reader.svarint(), reader.svarint()
+        at_most(max(abs(x), abs(y), abs(z)), STATE_LIMIT, "sort_origin", offset)
+        return SortGrid(shift, bits, (x, y, z), bool(read_bounded(reader.u8, 1, "has_excess", reader)))
+
+
+def _write_steps(writer: ByteWriter, steps: dict[Attribute, int]) -> None:
+    for attribute in sorted(steps):
+        writer.uvarint(steps[attribute])
+
+
+def _read_steps(reader: ByteReader, attributes: list[Attribute]) -> dict[Attribute, int]:
+    steps = {}
+    for attribute in attributes:
+        offset = reader.offset
+        steps[attribute] = read_bounded(reader.uvarint, STATE_LIMIT, "step", reader)
+        if steps[attribute] == 0:
+            raise CorruptBitstream("a quantiser step is 0", offset=offset)
+    return steps
+
+
+def coded_attributes(sh_degree: int) -> list[Attribute]:
+    """Attributes of a frame in coding order."""
+    return list(Attribute)[: Attribute.SH_1 + sh_degree]
+
+
+@dataclass(frozen=True)
+class IntraHeader:
+    """Header of an INTRA_FRAME payload; `lengths` of its streams follow it (spec section 5)."""
+
+    frame_hash: bytes
+    kind: IntraKind
+    num_gaussians: int
+    has_permutation: bool
+    sort_grid: SortGrid | None
+    steps: dict[Attribute, int]
+    lengths: tuple[int, ...]
+
+    def write(self, writer: ByteWriter) -> None:
+        """All fields in order; grid and steps for `coded` frames only."""
+        writer.raw(self.frame_hash)
+        writer.u8(self.kind)
+        writer.uvarint(self.num_gaussians)
+        writer.u8(int(self.has_permutation))
+        if self.sort_grid is not None:
+            self.sort_grid.write(writer)
+            _write_steps(writer, self.steps)
+        for length in self.lengths:
+            writer.uvarint(length)
+
+    @staticmethod
+    def read(reader: ByteReader, sequence: SequenceHeader) -> IntraHeader:
+        """Refuses N = 0 and N above the level."""
+        frame_hash = reader.raw(FRAME_HASH_BYTES)
+        kind = read_enum(IntraKind, reader, "intra_kind")
+        offset = reader.offset
+        n = read_bounded(reader.uvarint, sequence.limits.max_gaussians, "num_gaussians", reader)
+        if n == 0:
+            raise CorruptBitstream("num_gaussians is 0", offset=offset)
+        permuted = bool(read_bounded(reader.u8, 1, "has_permutation", reader))
+        attributes = coded_attributes(sequence.sh_degree)
+        grid, steps = None, {}
+        if kind == IntraKind.CODED:
+            grid = SortGrid.read(reader)
+            steps = _read_steps(reader, attributes)
+        lengths = tuple(reader.uvarint() for _ in range(len(attributes) + permuted))
+        return IntraHeader(frame_hash, kind, n, permuted, grid, steps, lengths)
+
+
+@dataclass(frozen=True)
+class InterHeader:
+    """Payload of an INTER_FRAME chunk; no steps means that the frame repeats its reference."""
+
+    frame_hash: bytes
+    block_log2: int
+    steps: dict[Attribute, int]
+
+    def write(self, writer: ByteWriter) -> None:
+        """Hash and attribute mask; block size and steps where the mask is not zero."""
+        writer.raw(self.frame_hash)
+        writer.u8(sum(1 << attribute for attribute in self.steps))
+        if self.steps:
+            writer.u8(self.block_log2)
+            _write_steps(writer, self.steps)
+
+    @staticmethod
+    def read(reader: ByteReader, sequence: SequenceHeader) -> InterHeader:
+        """Refuses attributes that the sequence does not have."""
+        frame_hash = reader.raw(FRAME_HASH_BYTES)
+        offset = reader.offset
+        mask = reader.u8()
+        present = [a for a in coded_attributes(sequence.sh_degree) if mask >> a & 1]
+        if sum(1 << a for a in present) != mask:
+            raise CorruptBitstream(f"attribute_mask {mask:#x} names unknown attributes", offset=offset)
+        if not mask:
+            return InterHeader(frame_hash, 0, {})
+        offset = reader.offset
+        block_log2 = reader.u8()
+        if not MIN_BLOCK_LOG2 <= block_log2 <= MAX_BLOCK_LOG2:
+            raise LimitExceeded(f"block_log2 is {block_log2}", offset=offset)
+        return InterHeader(frame_hash, block_log2, _read_steps(reader, present))

@@ -1,0 +1,83 @@
+"""The command line: a thin skin over the library. Data goes to stdout, talk to stderr.
+
+Exit codes: 0 done, 1 failed, 2 usage, 3 bitstream refused.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+import click
+
+from dfcgs_codec._version import __version__
+from dfcgs_codec.errors import BitstreamError, DfcgsError
+
+EXIT_FAILED, EXIT_REFUSED = 1, 3
+#: name, and what `dfcgs --help` says; modules are loaded when their command is
+_COMMANDS = {
+    "encode": "Encode a folder of PLY frames into one .dgs file.",
+    "decode": "Decode a .dgs file into a folder of PLY frames.",
+    "info": "Say what is in a .dgs file and where its bytes go.",
+}
+
+
+class _LazyGroup(click.Group):
+    """Loads a command's module only when it runs, so that --help is quick."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _COMMANDS:
+            return None
+        command: click.Command = getattr(import_module(f"dfcgs_codec.cli.{cmd_name}"), cmd_name)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
+
+
+@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="dfcgs")
+def cli() -> None:
+    """Codec for sequences of 3D Gaussian Splatting frames (free-viewpoint video).
+
+    \b
+    Examples:
+      dfcgs encode frames/ out.dgs
+      dfcgs decode out.dgs decoded/
+      dfcgs info out.dgs
+
+    Exit codes: 0 done, 1 failed, 2 usage, 3 bitstream refused.
+    """
+
+
+def main() -> None:
+    """Run the command line; errors become one line on stderr and an exit code."""
+    try:
+        cli.main(standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        sys.exit(stop.exit_code)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        _fail("interrupted; nothing was written", EXIT_FAILED)
+    except BitstreamError as error:
+        _fail(f"{error} [{error.code}]", EXIT_REFUSED)
+    except DfcgsError as error:
+        _fail(f"{error} [{error.code}]", EXIT_FAILED)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(EXIT_FAILED)
+    except OSError as error:
+        _fail(f"{error.filename or ''}: {error.strerror or error}", EXIT_FAILED)
+    except MemoryError:
+        _fail("out of memory; use fewer --jobs", EXIT_FAILED)
+
+
+def _fail(message: str, code: int) -> None:
+    click.echo(f"dfcgs: {message}", err=True)
+    sys.exit(code)

@@ -1,0 +1,97 @@
+"""`dfcgs decode`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import click
+
+from dfcgs_codec.cli.progress import progress_bar
+from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
+from dfcgs_codec.codec.salvage import salvage
+from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.files import replace_folder_when_whole
+from dfcgs_codec.ply import write_ply
+
+_EPILOG = """
+\b
+Examples:
+  dfcgs decode out.dgs decoded/
+  dfcgs decode out.dgs part/ --frames 100:110
+  dfcgs decode out.dgs --check-only
+  dfcgs decode damaged.dgs rescued/ --salvage
+"""
+
+
+class _Range(click.ParamType[tuple[int, int | None]]):
+    name = "A:B"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int | None]:
+        start, colon, stop = str(value).partition(":")
+        try:
+            first = int(start) if start else 0
+            last = (int(stop) if stop else None) if colon else first + 1
+        except ValueError:
+            self.fail(f"{value!r} is not a range such as 10:20, 10: or 10", param, ctx)
+        if first < 0 or (last is not None and last <= first):
+            self.fail(f"{value!r} holds no frames; A:B is frame A up to, not with, frame B", param, ctx)
+        return first, last
+
+
+def _frames(file: BinaryIO, values: dict[str, Any], losses: list[str]) -> tuple[Iterator[DecodedFrame], int]:
+    """The frames asked for, and how many there are at most."""
+    if values["salvage"]:
+        return salvage(file, losses), 0
+    decoder = SequenceDecoder(file)
+    total = decoder.sequence.num_frames
+    start, stop = values["frames"] or (0, None)
+    if start >= total or (stop or 0) > total:
+        raise click.UsageError(f"--frames {start}:{stop or ''}: the file has frames 0 to {total - 1}")
+    return decoder.frames(start, stop), (stop or total) - start
+
+
+def _run(file: BinaryIO, folder: Path | None, values: dict[str, Any]) -> int:
+    losses: list[str] = []
+    frames, total = _frames(file, values, losses)
+    done = 0
+    with progress_bar("decoding", values["quiet"]) as progress:
+        for frame in frames:
+            if folder is not None:
+                write_ply(folder / f"frame_{frame.number:04d}.ply", frame.cloud())
+            done += 1
+            progress(done, max(total, done))
+    for loss in losses:
+        click.echo(f"lost: {loss}", err=True)
+    if not done:
+        raise CorruptBitstream("no frame is whole: nothing could be salvaged")
+    return done
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("file", type=click.Path(path_type=Path, exists=True, dir_okay=False))
+@click.argument("output_dir", type=click.Path(path_type=Path), required=False)
+@click.option("--frames", type=_Range(), help="Only frames A to B - 1, counted from 0; seeks.")
+@click.option("--check-only", is_flag=True, help="Decode and check every hash, write nothing.")
+@click.option(
+    "--salvage", is_flag=True, help="Write all frames that a damaged or truncated file still holds."
+)
+@click.option("--force", is_flag=True, help="Replace an existing folder.")
+@click.option("--quiet", "-q", is_flag=True, help="Print nothing but errors and losses.")
+def decode(file: Path, output_dir: Path | None, **values: Any) -> None:
+    """Decode FILE (.dgs) into OUTPUT_DIR, one frame_NNNN.ply per frame, numbered as the input was."""
+    if (output_dir is None) != values["check_only"]:
+        raise click.UsageError("name an OUTPUT_DIR, or --check-only without one")
+    if values["salvage"] and values["frames"]:
+        raise click.UsageError("--salvage takes all frames it can get; --frames does not go with it")
+    with file.open("rb") as stream:
+        if output_dir is None:
+            done = _run(stream, None, values)
+        else:
+            with replace_folder_when_whole(output_dir, force=values["force"]) as folder:
+                done = _run(stream, folder, values)
+    if not values["quiet"]:
+        click.echo(f"{done} frames, all hashes right" + (f": {output_dir}" if output_dir else ""))

@@ -1,0 +1,168 @@
+"""`dfcgs encode`."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import click
+
+from dfcgs_codec.api import encode_sequence
+from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
+from dfcgs_codec.cli.progress import progress_bar
+from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES, Bound
+from dfcgs_codec.encoder.report import EncodeReport
+from dfcgs_codec.errors import VerificationError
+from dfcgs_codec.ply import InputPolicy
+from dfcgs_codec.sequence import DEFAULT_PATTERN, open_folder
+
+_EPILOG = """
+\b
+Examples:
+  dfcgs encode frames/ out.dgs
+  dfcgs encode frames/ out.dgs --quality high --gof-size 30
+  dfcgs encode frames/ out.dgs --bound position=0.001 --bound rotation=0.5
+  dfcgs encode scene/ out.dgs --pattern 'frame_*/point_cloud/iteration_7000/point_cloud.ply'
+"""
+
+
+class _Rate(click.ParamType[Fraction]):
+    name = "rate"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Fraction:
+        try:
+            return Fraction(value).limit_denominator(100_000)
+        except (ValueError, ZeroDivisionError):
+            self.fail(f"{value!r} is not a frame rate such as 30, 29.97 or 30000/1001", param, ctx)
+
+
+class _Bound(click.ParamType[Bound]):
+    name = "attribute=value"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Bound:
+        attribute, _, number = str(value).partition("=")
+        try:
+            return Bound(attribute, float(number))
+        except ValueError:
+            self.fail(f"{value!r} is not like position=0.001", param, ctx)
+
+
+def _options(values: dict[str, Any]) -> EncoderOptions:
+    qp = values["qp"] if values["qp"] is not None else QUALITIES[values["quality"]]
+    return EncoderOptions(
+        qp=qp,
+        bounds=values["bound"],
+        gof_size=values["gof_size"],
+        intra=IntraKind[values["intra"].upper()],
+        order=OutputOrder[values["order"].upper()],
+        frame_rate=values["fps"],
+        keep_axes=values["keep_axes"],
+        jobs=values["jobs"],
+    )
+
+
+def _verify(target: Path) -> None:
+    """Decode in a fresh process that has the file alone; every frame's hash is the encoder's."""
+    command = [sys.executable, "-m", "dfcgs_codec", "decode", str(target), "--check-only", "--quiet"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise VerificationError(f"{target} does not decode to what was encoded: {done.stderr.strip()}")
+
+
+def _errors(report: EncodeReport) -> dict[str, dict[str, Any]]:
+    return {
+        name: {"max": error.maximum, "mean": error.mean, "unit": BOUND_UNITS[name]}
+        for name, error in report.errors.items()
+        if error.count
+    }
+
+
+def _summary(report: EncodeReport, target: Path) -> str:
+    count = len(report.frames)
+    kinds = [frame.kind for frame in report.frames]
+    lines = [
+        f"{target}: {count} frames ({kinds.count('I')} I, {kinds.count('P')} P, "
+        f"{kinds.count('skip')} skipped), "
+        f"{report.num_bytes} bytes, {report.num_bytes / count:.0f} per frame",
+        f"{'error':10} {'max':>12} {'mean':>12}",
+    ]
+    for name, error in _errors(report).items():
+        lines.append(f"{name:10} {error['max']:12.6g} {error['mean']:12.6g}  {error['unit']}")
+    return "\n".join(lines)
+
+
+@click.command(epilog=_EPILOG)
+@click.argument("frames_dir", type=click.Path(path_type=Path))
+@click.argument("output", type=click.Path(path_type=Path))
+@click.option("--quality", type=click.Choice(list(QUALITIES)), default="medium", show_default=True)
+@click.option(
+    "--qp", type=float, help="Quantiser, 0 (finest) to 51; the step doubles every 6. Overrides --quality."
+)
+@click.option(
+    "--bound",
+    type=_Bound(),
+    multiple=True,
+    help=f"Guarantee a maximum error; {', '.join(BOUND_UNITS)}. Repeatable.",
+)
+@click.option(
+    "--gof-size",
+    type=int,
+    default=10,
+    show_default=True,
+    help="Frames from one I-frame to the next, at most.",
+)
+@click.option(
+    "--intra",
+    type=click.Choice(["coded", "ply"]),
+    default="coded",
+    show_default=True,
+    help="I-frames quantised, or float32 verbatim.",
+)
+@click.option(
+    "--order",
+    type=click.Choice(["sequence", "input", "free"]),
+    default="sequence",
+    show_default=True,
+    help="Order of decoded Gaussians: one for the sequence, the input's, or any.",
+)
+@click.option(
+    "--fps", type=_Rate(), default="30", show_default=True, help="Frame rate to write into the file."
+)
+@click.option("--keep-axes", is_flag=True, help="Keep the order and signs of each Gaussian's axes.")
+@click.option(
+    "--pattern",
+    default=DEFAULT_PATTERN,
+    show_default=True,
+    help="Which files are frames; may contain folders.",
+)
+@click.option("--allow-gaps", is_flag=True, help="Accept missing frame numbers.")
+@click.option("--drop-extra", is_flag=True, help="Leave out PLY properties that the codec does not keep.")
+@click.option("--repair", is_flag=True, help="Replace NaN, infinities and zero quaternions.")
+@click.option("--jobs", type=int, default=os.cpu_count() or 1, show_default="all cores", help="Processes.")
+@click.option("--verify", is_flag=True, help="Decode the file in a fresh process and compare.")
+@click.option("--force", is_flag=True, help="Replace an existing file.")
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
+@click.option("--quiet", "-q", is_flag=True, help="Print nothing but errors.")
+def encode(frames_dir: Path, output: Path, **values: Any) -> None:
+    """Encode the PLY frames in FRAMES_DIR into the file OUTPUT (.dgs)."""
+    policy = InputPolicy(drop_extra=values["drop_extra"], repair=values["repair"])
+    options = _options(values)
+    source = open_folder(frames_dir, values["pattern"], allow_gaps=values["allow_gaps"], policy=policy)
+    with progress_bar("encoding", values["quiet"]) as progress:
+        report = encode_sequence(source, output, options, force=values["force"], progress=progress)
+    for note in report.notes:
+        click.echo(f"repaired: {note}", err=True)
+    if values["verify"]:
+        _verify(output)
+    if values["as_json"]:
+        frames = [vars(frame) for frame in report.frames]
+        result = {"num_bytes": report.num_bytes, "errors": _errors(report), "notes": report.notes}
+        click.echo(json.dumps(result | {"verified": values["verify"], "frames": frames}))
+    elif not values["quiet"]:
+        click.echo(_summary(report, output) + ("\nverified" if values["verify"] else ""))

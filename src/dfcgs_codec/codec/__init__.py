@@ -1,0 +1,1 @@
+"""What a decoder repeats: state, symbol walks, reconstruction."""

@@ -1,0 +1,126 @@
+"""The decoded picture buffer: integer state of frames, its hash, and the output process (spec section 8)."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import FRAME_HASH_BYTES, ROTATION_FRACTION_BITS, Attribute
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
+from dfcgs_codec.transform.companding import expand
+
+SH_BANDS = (Attribute.SH_1, Attribute.SH_2, Attribute.SH_3)
+
+Int64 = npt.NDArray[np.int64]
+Int32 = npt.NDArray[np.int32]
+
+
+class Plane:
+    """One attribute of all Gaussians, int32 (N, C), with its digest computed at most once."""
+
+    def __init__(self, values: npt.NDArray[np.integer]) -> None:
+        self.values: Int32 = np.ascontiguousarray(values, np.int32)
+        self.values.setflags(write=False)
+        self._digest: bytes | None = None
+
+    @property
+    def digest(self) -> bytes:
+        """BLAKE2b, 128 bits, of the little-endian values."""
+        if self._digest is None:
+            data = self.values.astype("<i4", copy=False)
+            self._digest = hashlib.blake2b(data.data, digest_size=FRAME_HASH_BYTES).digest()
+        return self._digest
+
+    def wide(self) -> Int64:
+        """The values as int64, for arithmetic."""
+        return self.values.astype(np.int64)
+
+
+@dataclass(frozen=True)
+class FrameState:
+    """Integer state of one frame: a plane per attribute, in the order of its GoF.
+
+    POSITION (N, 3), SCALE (N, 3), ROTATION (N, 4) unit quaternion w x y z in Q1.24, OPACITY (N, 1)
+    companded, SH_DC (N, 3), SH_1, SH_2, SH_3 (N, 9), (N, 15), (N, 21): coefficient by coefficient, red,
+    green, blue within.
+    `order` (N, 1) is the place of each Gaussian in the output, or None when they come as they are.
+    `verbatim` holds the float32 frame of a `ply` I-frame, in GoF order.
+    """
+
+    planes: dict[Attribute, Plane]
+    order: Plane | None = None
+    verbatim: GaussianCloud | None = field(default=None, compare=False)
+
+    @property
+    def num_gaussians(self) -> int:
+        """N."""
+        return len(self.planes[Attribute.POSITION].values)
+
+    def hash(self) -> bytes:
+        """Decoded-frame hash: BLAKE2b, 128 bits, over the planes' digests (spec section 8.5)."""
+        digest = hashlib.blake2b(digest_size=FRAME_HASH_BYTES)
+        for attribute in sorted(self.planes):
+            digest.update(self.planes[attribute].digest)
+        if self.order is not None:
+            digest.update(self.order.digest)
+        if self.verbatim is not None:
+            for array in verbatim_columns(self.verbatim):
+                digest.update(array.astype("<f4", copy=False).tobytes())
+        return digest.digest()
+
+
+def verbatim_columns(cloud: GaussianCloud) -> list[npt.NDArray[np.float32]]:
+    """The frame's values as a list of (N, C) arrays in coding order of the attributes."""
+    n = cloud.num_gaussians
+    columns = [cloud.positions, cloud.scales, cloud.rotations, cloud.opacities.reshape(n, 1), cloud.sh_dc]
+    return columns + sh_bands(cloud.sh_rest)
+
+
+def sh_bands(sh_rest: npt.NDArray[np.float32]) -> list[npt.NDArray[np.float32]]:
+    """Columns of SH degree 1, 2, 3, as far as there are, of `sh_rest` (N, 3, K)."""
+    ends = SH_REST_COEFFICIENTS[: SH_REST_COEFFICIENTS.index(sh_rest.shape[2]) + 1]
+    return [
+        sh_rest[:, :, start:end].transpose(0, 2, 1).reshape(len(sh_rest), -1)
+        for start, end in itertools.pairwise(ends)
+    ]
+
+
+def sh_rest_of_bands(bands: list[npt.NDArray[np.float32]], count: int) -> npt.NDArray[np.float32]:
+    """Inverse of `sh_bands`; `count` is N."""
+    columns = np.concatenate([np.zeros((count, 0), np.float32), *bands], axis=1)
+    return np.ascontiguousarray(columns.reshape(count, -1, 3).transpose(0, 2, 1))
+
+
+def _to_float(values: npt.NDArray[np.integer], exponent: int) -> npt.NDArray[np.float32]:
+    # exact: |value| < 2**29 and a power of two fit float64, and one rounding leads to float32
+    return np.ldexp(values.astype(np.float64), exponent).astype(np.float32)
+
+
+def output(state: FrameState, units: UnitExponents) -> GaussianCloud:
+    """The output process: the float32 frame of a state, in output order (spec section 8.4)."""
+    cloud = state.verbatim if state.verbatim is not None else _expand(state, units)
+    if state.order is None:
+        return cloud
+    source = np.empty(state.num_gaussians, np.int64)
+    source[state.order.values[:, 0]] = np.arange(state.num_gaussians)
+    return cloud.take(source)
+
+
+def _expand(state: FrameState, units: UnitExponents) -> GaussianCloud:
+    n = state.num_gaussians
+    planes = state.planes
+    logits = expand(planes[Attribute.OPACITY].wide()[:, 0], units.opacity)
+    bands = [_to_float(planes[a].values, units.color) for a in SH_BANDS if a in planes]
+    return GaussianCloud(
+        positions=_to_float(planes[Attribute.POSITION].values, units.position),
+        rotations=_to_float(planes[Attribute.ROTATION].values, -ROTATION_FRACTION_BITS),
+        scales=_to_float(planes[Attribute.SCALE].values, units.scale),
+        opacities=_to_float(logits, units.opacity),
+        sh_dc=_to_float(planes[Attribute.SH_DC].values, units.color),
+        sh_rest=sh_rest_of_bands(bands, n),
+    )

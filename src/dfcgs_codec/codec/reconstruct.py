@@ -1,0 +1,67 @@
+"""From symbols to state: called by encoder and decoder alike (law 2; spec sections 9 and 8)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
+from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.codec.inter import InterSymbols
+from dfcgs_codec.codec.intra import IntraSymbols
+from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, normalise
+
+Int64 = npt.NDArray[np.int64]
+
+
+def _in_range(values: Int64) -> Plane:
+    if len(values) and (values.min() < -STATE_LIMIT or values.max() > STATE_LIMIT):
+        raise CorruptBitstream("a reconstructed value leaves the range of the state")
+    return Plane(values)
+
+
+def _intra_rotation(symbols: Int64, step: int) -> Int64:
+    """Quaternions of axis flips and stereographic vectors (N, 4); w of the unflipped one is >= 0."""
+    quaternions = from_stereo(symbols[:, 1:] * step)
+    flipped = np.flatnonzero(symbols[:, 0])
+    flips = CELLS[symbols[flipped, 0]] * ONE
+    quaternions[flipped] = multiply(quaternions[flipped], flips)
+    return quaternions
+
+
+def reconstruct_intra(symbols: IntraSymbols, steps: dict[Attribute, int]) -> FrameState:
+    """State of a coded I-frame."""
+    planes: dict[Attribute, Plane] = {}
+    for attribute, values in symbols.planes.items():
+        if attribute == Attribute.ROTATION:
+            planes[attribute] = Plane(_intra_rotation(values, steps[attribute]))
+        else:
+            planes[attribute] = _in_range(values * steps[attribute])
+    order = None if symbols.permutation is None else Plane(symbols.permutation[:, None])
+    return FrameState(planes, order)
+
+
+def _turn(reference: Plane, symbols: Int64, step: int) -> Plane:
+    """Rotate about each Gaussian's own axes; rows without symbols keep their bits."""
+    rows = np.flatnonzero(symbols.any(axis=1))
+    quaternions = reference.wide()
+    turned = multiply(quaternions[rows], from_stereo(symbols[rows] * step))
+    quaternions[rows] = normalise(turned)
+    return Plane(quaternions)
+
+
+def reconstruct_inter(
+    symbols: InterSymbols, steps: dict[Attribute, int], reference: FrameState
+) -> FrameState:
+    """State of a P-frame; planes without symbols are the reference's own."""
+    planes = dict(reference.planes)
+    for attribute, activity in symbols.activity.items():
+        plane, step = reference.planes[attribute], steps[attribute]
+        if attribute == Attribute.ROTATION:
+            planes[attribute] = _turn(plane, activity.symbols, step)
+        else:
+            planes[attribute] = _in_range(plane.wide() + activity.symbols * step)
+    return replace(reference, planes=planes, verbatim=None)

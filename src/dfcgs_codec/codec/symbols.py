@@ -1,0 +1,60 @@
+"""The symbol coder that the walks are written over.
+
+`SymbolCoder` has two implementations: `symbol_reader.SymbolReader` here and `SymbolWriter` in the
+encoder. Where a stream says how its symbols are coded (tables, weights, histograms), the writer
+chooses from the evidence that the walk offers, and the reader reads the choice. Evidence is a function,
+so that a reader never computes it (spec section 11).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.codec.side_information import HistogramLayout
+from dfcgs_codec.entropy.coder import Model, RangeCoder
+
+Int64 = npt.NDArray[np.int64]
+UInt8 = npt.NDArray[np.uint8]
+
+#: residuals (int64) and their contexts (uint8), of the same length
+ResidualEvidence = Callable[[], tuple[Int64, UInt8]]
+#: features (a list of int64 arrays) and the integers they should predict
+WeightEvidence = Callable[[], tuple[list[Int64], Int64]]
+#: symbols and their contexts
+HistogramEvidence = Callable[[], tuple[Int64, UInt8]]
+#: values, the component that guides their histogram (or None), and a function that codes them predicted
+LayoutEvidence = Callable[[], "tuple[Int64, Int64 | None, Callable[[SymbolCoder], object]]"]
+
+
+class SymbolCoder(RangeCoder, Protocol):
+    """A range coder that also settles, in its direction, how symbols are coded."""
+
+    def center(self, evidence: Callable[[], Int64]) -> int:
+        """The integer around which values lie."""
+        ...
+
+    def weights(self, count: int, evidence: WeightEvidence) -> Int64:
+        """`count` prediction weights, Q8."""
+        ...
+
+    def tables(self, num_contexts: int, evidence: ResidualEvidence) -> Int64:
+        """A table (shape * 160 + scale) for each context."""
+        ...
+
+    def histograms(
+        self, used: Int64, num_contexts: int, size: int, evidence: HistogramEvidence
+    ) -> list[Model]:
+        """A model of `size` symbols for each of `num_contexts` contexts; those not in `used` are flat."""
+        ...
+
+    def choice(self, size: int, evidence: Callable[[], int]) -> int:
+        """A number 0 <= choice < size."""
+        ...
+
+    def layout(self, evidence: LayoutEvidence) -> HistogramLayout | None:
+        """How a component is coded by histogram, or None where prediction does better."""
+        ...

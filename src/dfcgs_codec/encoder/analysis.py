@@ -1,0 +1,134 @@
+"""From target states to symbols: quantisation, ordering, block classes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import MAX_SORT_BITS, Attribute
+from dfcgs_codec.bitstream.frame_headers import SortGrid
+from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols, classify_blocks
+from dfcgs_codec.codec.intra import IntraSymbols
+from dfcgs_codec.encoder.rate_control import Quantisation
+from dfcgs_codec.transform.morton import canonical_order, morton_keys
+from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, multiply, round_divide, to_stereo
+
+Int64 = npt.NDArray[np.int64]
+Planes = dict[Attribute, Int64]
+
+
+@dataclass(frozen=True)
+class ZeroBin:
+    """Residuals below `threshold` steps are zero; 0.5 is no dead zone."""
+
+    threshold: float
+
+    def quantise(self, residual: Int64, step: int) -> Int64:
+        """Symbols of grid residuals: to nearest outside the zero bin, halves towards zero."""
+        magnitude = np.abs(residual)
+        symbols = (2 * magnitude + step - 1) // (2 * step)
+        if self.threshold > 0.5:
+            symbols[magnitude < self.threshold * step] = 0
+        signed: Int64 = np.sign(residual) * symbols
+        return signed
+
+    def quantise_real(self, residual: npt.NDArray[np.float64]) -> Int64:
+        """Symbols of residuals in steps."""
+        magnitude = np.abs(residual)
+        symbols = np.ceil(magnitude - 0.5)
+        if self.threshold > 0.5:
+            symbols[magnitude < self.threshold] = 0
+        return (np.sign(residual) * symbols).astype(np.int64)
+
+
+def plan_grid(indices: Int64, max_bits: int = MAX_SORT_BITS) -> SortGrid:
+    """Cube and resolution for position `indices` (N, 3).
+
+    All of the scene if it fits in `max_bits` bits per axis; else the middle 98 %, four times as wide,
+    far outliers being clipped, with as many low bits left raw as that needs.
+    """
+    low, high = indices.min(axis=0), indices.max(axis=0)
+    bits = int((high - low).max()).bit_length()
+    if bits <= max_bits:
+        x, y, z = low.tolist()
+        return SortGrid(0, bits, (x, y, z), False)
+    inner = np.quantile(indices, [0.01, 0.99], axis=0, method="nearest").astype(np.int64)
+    middle = (inner[0] + inner[1]) // 2
+    half = max(1, 2 * int((inner[1] - inner[0]).max()))
+    shift = max(0, (2 * half).bit_length() - max_bits)
+    bits = min(max_bits, (2 * half >> shift).bit_length())
+    x, y, z = ((middle - half) >> shift).tolist()
+    return SortGrid(shift, bits, (x, y, z), True)
+
+
+def order_of(indices: Int64, grid: SortGrid) -> Int64:
+    """Canonical order of position `indices` (N, 3)."""
+    cells = np.clip((indices >> grid.shift) - np.array(grid.origin), 0, (1 << grid.bits) - 1)
+    return canonical_order(morton_keys(cells), indices)
+
+
+def _rotation_symbols(quaternions: Int64, step: int) -> Int64:
+    """Axis flip that makes w the largest component, then the stereographic vector in steps."""
+    cells = np.abs(quaternions).argmax(axis=1)
+    conjugate = np.zeros_like(quaternions)
+    conjugate[np.arange(len(cells)), cells] = np.where(cells == 0, ONE, -ONE)
+    unflipped = multiply(quaternions, conjugate)
+    vectors = to_stereo(unflipped / ONE) * (STEREO_ONE / step)
+    return np.concatenate([cells[:, None], np.rint(vectors).astype(np.int64)], axis=1)
+
+
+def intra_symbols(target: Planes, steps: dict[Attribute, int], permutation: Int64 | None) -> IntraSymbols:
+    """Symbols of an I-frame; `target` planes are int64 in canonical order."""
+    planes: Planes = {}
+    for attribute, values in target.items():
+        if attribute == Attribute.ROTATION:
+            planes[attribute] = _rotation_symbols(values, steps[attribute])
+        else:
+            planes[attribute] = round_divide(values, steps[attribute])
+    return IntraSymbols(planes, permutation)
+
+
+def _relative_rotation(target: Int64, reference: Int64, step: int) -> npt.NDArray[np.float64]:
+    """Stereographic vectors, in steps, of the turns about the Gaussians' own axes."""
+    conjugate = reference * np.array([1, -1, -1, -1])
+    turn = multiply(conjugate, target)
+    return to_stereo(turn / ONE) * (STEREO_ONE / step)
+
+
+def _attribute_symbols(
+    attribute: Attribute, rows: Int64, target: Int64, reference: Int64, coding: tuple[int, ZeroBin]
+) -> Int64:
+    step, zero_bin = coding
+    columns = 3 if attribute == Attribute.ROTATION else target.shape[1]
+    symbols = np.zeros((len(target), columns), np.int64)
+    if attribute == Attribute.ROTATION:
+        turn = _relative_rotation(target[rows], reference[rows], step)
+        symbols[rows] = zero_bin.quantise_real(turn)
+    else:
+        symbols[rows] = zero_bin.quantise(target[rows] - reference[rows], step)
+    return symbols
+
+
+def inter_symbols(
+    target: Planes, before: Planes, reference: FrameState, coding: tuple[Quantisation, ZeroBin, int]
+) -> InterSymbols:
+    """Symbols of a P-frame; attributes without any are left out.
+
+    `before` are the target planes of the previous frame: what has not changed since then gets no
+    symbols, whatever the distance to the reference. `coding` is (quantisation, zero bin, block_log2).
+    """
+    quantisation, zero_bin, block_log2 = coding
+    activity = {}
+    for attribute, values in target.items():
+        changed = np.flatnonzero((values != before[attribute]).any(axis=1))
+        if not len(changed):
+            continue
+        bounded = attribute in quantisation.bounded
+        how = (quantisation.steps[attribute], ZeroBin(0.5) if bounded else zero_bin)
+        symbols = _attribute_symbols(attribute, changed, values, reference.planes[attribute].wide(), how)
+        if symbols.any():
+            activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols, block_log2))
+    return InterSymbols(activity)

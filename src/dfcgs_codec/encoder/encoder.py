@@ -1,0 +1,143 @@
+"""Encoding a sequence of frames into one file."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from dfcgs_codec.bitstream.constants import LEVELS, ChunkType, Profile
+from dfcgs_codec.bitstream.container import ContainerWriter
+from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
+from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.rate_control import plan_quantisation
+from dfcgs_codec.encoder.report import EncodeReport
+from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder, SequencePlan
+from dfcgs_codec.errors import InputError
+from dfcgs_codec.files import replace_when_whole
+from dfcgs_codec.sequence import FrameSource
+
+#: called with (frames done, frames in all)
+Progress = Callable[[int, int], None]
+
+#: room for a scene to grow beyond its first frame before coordinates must be clipped
+_REACH_MARGIN = 16.0
+#: segments in flight per process, so that a fast process never waits and memory stays bounded
+_SEGMENTS_PER_JOB = 2
+
+
+def _level(max_gaussians: int, num_frames: int) -> int:
+    for level, limits in LEVELS.items():
+        if max_gaussians <= limits.max_gaussians and num_frames <= limits.max_frames:
+            return level
+    largest = max(LEVELS.values())
+    raise InputError(
+        f"{max_gaussians} Gaussians in {num_frames} frames: at most {largest.max_gaussians} in "
+        f"{largest.max_frames} can be coded; split the sequence"
+    )
+
+
+def _anchors(counts: list[int]) -> list[int]:
+    """First frame of each frame's run of equal counts."""
+    anchors: list[int] = []
+    for index, count in enumerate(counts):
+        anchors.append(anchors[-1] if index and counts[index - 1] == count else index)
+    return anchors
+
+
+def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
+    """Header, grids and steps, from the input's headers and its first frame."""
+    headers = source.headers
+    if not headers:
+        raise InputError("no frames to encode")
+    counts = [header.num_gaussians for header in headers]
+    first, _ = source.read(0)
+    reach = float(np.abs(first.positions).max()) * _REACH_MARGIN
+    quantisation = plan_quantisation(options.qp, options.bounds, first, reach)
+    header = SequenceHeader(
+        profile=Profile.MAIN,
+        level=_level(max(counts), len(counts)),
+        sh_degree=headers[0].sh_degree,
+        output_order=options.order,
+        frame_rate=(options.frame_rate.numerator, options.frame_rate.denominator),
+        frame_numbers=FrameNumbers.of(source.numbers),
+        unit_exponents=quantisation.units,
+    )
+    return SequencePlan(header, quantisation, options, _anchors(counts))
+
+
+_worker: SegmentEncoder | None = None
+
+
+def _start_worker(source: FrameSource, plan: SequencePlan) -> None:
+    global _worker
+    _worker = SegmentEncoder(source, plan)
+
+
+def _work(segment: tuple[int, int]) -> CodedSegment:
+    assert _worker is not None
+    return _worker.encode(*segment)
+
+
+def _coded_segments(source: FrameSource, plan: SequencePlan) -> Iterator[CodedSegment]:
+    """Segments in order, coded by this process or by `options.jobs` others."""
+    count, size = plan.header.num_frames, plan.options.gof_size
+    segments = [(start, min(start + size, count)) for start in range(0, count, size)]
+    jobs = min(plan.options.jobs, len(segments))
+    if jobs == 1:
+        encoder = SegmentEncoder(source, plan)
+        yield from (encoder.encode(*segment) for segment in segments)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, context, _start_worker, (source, plan)) as pool:
+        waiting: list[Future[CodedSegment]] = []
+        try:
+            for segment in segments:
+                waiting.append(pool.submit(_work, segment))
+                if len(waiting) >= _SEGMENTS_PER_JOB * jobs:
+                    yield waiting.pop(0).result()
+            while waiting:
+                yield waiting.pop(0).result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _write(
+    file: BinaryIO, source: FrameSource, plan: SequencePlan, progress: Progress | None
+) -> EncodeReport:
+    report = EncodeReport()
+    writer = ContainerWriter(file, plan.header)
+    writer.chunk(ChunkType.ENCODER_INFO, 0, plan.options.describe().encode())
+    for segment in _coded_segments(source, plan):
+        for gof in segment.gofs:
+            writer.gof(gof.first_frame, gof.num_frames, gof.data)
+        report.merge(segment.report)
+        if progress:
+            progress(len(report.frames), plan.header.num_frames)
+    writer.finish()
+    report.num_bytes = writer.size
+    return report
+
+
+def encode_frames(
+    source: FrameSource,
+    target: Path,
+    options: EncoderOptions | None = None,
+    *,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> EncodeReport:
+    """Encode all frames of `source` into the file `target`.
+
+    The file appears under its name only when it is whole; an existing one is kept unless `force`.
+    Raises InputError for input that cannot be coded and VerificationError where a bound was not kept.
+    """
+    plan = plan_sequence(source, options or EncoderOptions())
+    with replace_when_whole(target, force=force) as file:
+        report = _write(file, source, plan, progress)
+        report.check_bounds(plan.options.bounds)
+    return report

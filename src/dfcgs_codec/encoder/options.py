@@ -1,0 +1,56 @@
+"""What a user can ask of the encoder."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+from dfcgs_codec._version import __version__
+from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
+from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, QUALITIES, Bound
+from dfcgs_codec.errors import InputError
+
+MAX_GOF_SIZE = 1 << 16
+
+
+@dataclass(frozen=True)
+class EncoderOptions:
+    """Settings of one encode; InputError for values out of range.
+
+    `qp` 0 (finest) to 51, the step doubles every 6; `bounds` replace the steps of their attributes and
+    guarantee a maximum error; `gof_size` frames at most from one I-frame to the next; `keep_axes` leaves
+    the order and signs of each Gaussian's axes as they were; `jobs` processes.
+    """
+
+    qp: float = QUALITIES["medium"]
+    bounds: tuple[Bound, ...] = ()
+    gof_size: int = 10
+    intra: IntraKind = IntraKind.CODED
+    order: OutputOrder = OutputOrder.SEQUENCE
+    frame_rate: Fraction = Fraction(30)
+    zero_bin: float = 0.6
+    keep_axes: bool = False
+    jobs: int = 1
+
+    def __post_init__(self) -> None:
+        checks = {
+            f"--qp {self.qp}: {MIN_QP} to {MAX_QP} was expected": MIN_QP <= self.qp <= MAX_QP,
+            f"--gof-size {self.gof_size}: 1 to {MAX_GOF_SIZE} was expected": 1
+            <= self.gof_size
+            <= MAX_GOF_SIZE,
+            f"--fps {self.frame_rate}: a rate above 0 was expected": self.frame_rate > 0,
+            f"--jobs {self.jobs}: 1 or more was expected": self.jobs >= 1,
+            f"zero_bin {self.zero_bin}: 0.5 to 1 was expected": 0.5 <= self.zero_bin <= 1.0,
+        }
+        for message, fine in checks.items():
+            if not fine or math.isnan(self.qp):
+                raise InputError(message)
+
+    def describe(self) -> str:
+        """The settings in one line, for the file's encoder information."""
+        bounds = "".join(f" bound {bound.attribute}={bound.value:g}" for bound in self.bounds)
+        return (
+            f"dfcgs-codec {__version__} qp={self.qp:g} gof_size={self.gof_size}"
+            f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
+        )

@@ -1,0 +1,132 @@
+"""From QP, quality names and error bounds to quantiser steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.codec.dpb import SH_BANDS
+from dfcgs_codec.errors import InputError
+from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.transform.companding import ALPHA_PER_UNIT
+
+MIN_QP, MAX_QP = 0, 51
+#: the step doubles every six QP
+QP_PER_OCTAVE = 6
+#: QP of each quality name; provisional until rendered images are measured
+QUALITIES = {"low": 36, "medium": 28, "high": 20, "transparent": 10}
+REFERENCE_QP = 28
+#: steps at the reference QP; position: in median Gaussian sizes; rotation: stereographic
+_REFERENCE_STEPS = {
+    Attribute.POSITION: 0.25,
+    Attribute.SCALE: 1 / 16,
+    Attribute.ROTATION: 1 / 256,
+    Attribute.OPACITY: 1 / 16,
+    Attribute.SH_DC: 1 / 24,
+    Attribute.SH_1: 1 / 16,
+    Attribute.SH_2: 1 / 12,
+    Attribute.SH_3: 1 / 12,
+}
+#: what `--bound` accepts, and its unit
+BOUND_UNITS = {
+    "position": "scene units, Euclidean",
+    "rotation": "degrees",
+    "scale": "natural logarithm",
+    "alpha": "alpha, 0 to 1",
+    "colour": "RGB, 0 to 1, at SH degree 0",
+    "sh": "SH coefficient above degree 0",
+}
+#: RGB per unit of the SH degree 0 coefficient
+SH_C0 = 0.28209479177387814
+#: at least this many grid units to a step, so that the grid's own rounding hardly counts
+_UNITS_PER_STEP_LOG2 = 6
+_COARSEST_EXPONENT = -12
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A maximum error of one attribute, in the unit of `BOUND_UNITS`."""
+
+    attribute: str
+    value: float
+
+    def __post_init__(self) -> None:
+        if self.attribute not in BOUND_UNITS:
+            known = ", ".join(f"{name} ({unit})" for name, unit in BOUND_UNITS.items())
+            raise InputError(f"--bound {self.attribute}: unknown; known are {known}")
+        if not (self.value > 0 and math.isfinite(self.value)):
+            raise InputError(f"--bound {self.attribute}={self.value}: a bound is a number above 0")
+
+    def steps(self) -> dict[Attribute, float]:
+        """The attributes bounded and their largest steps (real units) that keep the bound."""
+        value = self.value
+        steps = {
+            "position": {Attribute.POSITION: 2 * value / math.sqrt(3)},
+            # 4 radians per unit of the stereographic vector at most, over half a cube's diagonal
+            "rotation": {Attribute.ROTATION: math.radians(value) / (2 * math.sqrt(3))},
+            "scale": {Attribute.SCALE: 2 * value},
+            "alpha": {Attribute.OPACITY: 2 * value / ALPHA_PER_UNIT},
+            "colour": {Attribute.SH_DC: 2 * value / SH_C0},
+            "sh": dict.fromkeys(SH_BANDS, 2 * value),
+        }
+        return steps[self.attribute]
+
+
+@dataclass(frozen=True)
+class Quantisation:
+    """Grids, steps in grid units, and the attributes whose error is bounded (no dead zone)."""
+
+    units: UnitExponents
+    steps: dict[Attribute, int]
+    bounded: frozenset[Attribute]
+
+
+def median_size(cloud: GaussianCloud) -> float:
+    """Median over Gaussians of the geometric mean of their three standard deviations, scene units."""
+    return float(np.exp(np.clip(np.median(cloud.scales.mean(axis=1)), -60, 60)))
+
+
+def _exponent(step: float, coarsest: int) -> int:
+    return max(-60, min(coarsest, math.floor(math.log2(step)) - _UNITS_PER_STEP_LOG2))
+
+
+def plan_quantisation(
+    qp: float, bounds: tuple[Bound, ...], first: GaussianCloud, reach: float
+) -> Quantisation:
+    """Grids and steps for a sequence.
+
+    `first` is its first frame; `reach` the largest |coordinate| it must hold: the position grid is made
+    coarser where 2**29 of its units would not do.
+    """
+    factor = 2.0 ** ((qp - REFERENCE_QP) / QP_PER_OCTAVE)
+    real = {attribute: step * factor for attribute, step in _REFERENCE_STEPS.items()}
+    real[Attribute.POSITION] *= median_size(first)
+    limits = {attribute: step for bound in bounds for attribute, step in bound.steps().items()}
+    real |= limits
+    colours = (Attribute.SH_DC, *SH_BANDS)
+    holding = math.ceil(math.log2(max(reach, 2.0**-60))) - 28
+    units = UnitExponents(
+        position=max(
+            holding, min(40, math.floor(math.log2(real[Attribute.POSITION])) - _UNITS_PER_STEP_LOG2)
+        ),
+        scale=_exponent(real[Attribute.SCALE], _COARSEST_EXPONENT),
+        opacity=_exponent(real[Attribute.OPACITY], _COARSEST_EXPONENT),
+        color=_exponent(min(real[a] for a in colours), _COARSEST_EXPONENT),
+    )
+    exponents = {
+        Attribute.POSITION: units.position,
+        Attribute.SCALE: units.scale,
+        Attribute.ROTATION: -STEREO_FRACTION_BITS,
+        Attribute.OPACITY: units.opacity,
+        **dict.fromkeys(colours, units.color),
+    }
+    steps = {}
+    for attribute, step in real.items():
+        grid = step / 2.0 ** exponents[attribute]
+        # the input's own rounding to the grid takes one unit of a bounded step
+        steps[attribute] = max(1, math.floor(grid) - 1 if attribute in limits else round(grid))
+    return Quantisation(units, steps, frozenset(limits))

@@ -1,0 +1,113 @@
+"""What an encode did: bytes per frame, and the errors that were measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.encoder.rate_control import SH_C0, Bound
+from dfcgs_codec.errors import InputError
+from dfcgs_codec.gaussians import GaussianCloud
+
+Float32 = npt.NDArray[np.float32]
+
+
+@dataclass
+class ErrorStatistics:
+    """Largest and mean absolute error of one attribute, in the unit of `rate_control.BOUND_UNITS`."""
+
+    maximum: float = 0.0
+    total: float = 0.0
+    count: int = 0
+
+    @property
+    def mean(self) -> float:
+        """Mean over all Gaussians and frames."""
+        return self.total / self.count if self.count else 0.0
+
+    def add(self, errors: npt.NDArray[np.floating]) -> None:
+        """Take in the absolute errors of a frame."""
+        if errors.size:
+            self.maximum = max(self.maximum, float(errors.max()))
+            self.total += float(errors.sum(dtype=np.float64))
+            self.count += errors.size
+
+    def merge(self, other: ErrorStatistics) -> None:
+        """Take in another part of the sequence."""
+        self.maximum = max(self.maximum, other.maximum)
+        self.total += other.total
+        self.count += other.count
+
+
+def _rotation_error(a: Float32, b: Float32) -> npt.NDArray[np.float64]:
+    """Angle in degrees between quaternions (N, 4), from the chord, which small angles need."""
+    u, v = a.astype(np.float64), b.astype(np.float64)
+    u /= np.sqrt((u * u).sum(axis=1, keepdims=True))
+    v /= np.sqrt((v * v).sum(axis=1, keepdims=True))
+    chord = np.minimum(((u - v) ** 2).sum(axis=1), ((u + v) ** 2).sum(axis=1))
+    degrees: npt.NDArray[np.float64] = np.degrees(4 * np.arcsin(np.minimum(np.sqrt(chord) / 2, 1)))
+    return degrees
+
+
+def _alpha(logit: Float32) -> npt.NDArray[np.float64]:
+    alpha: npt.NDArray[np.float64] = 1 / (1 + np.exp(-np.clip(logit.astype(np.float64), -60, 60)))
+    return alpha
+
+
+def attribute_errors(source: GaussianCloud, decoded: GaussianCloud) -> dict[str, npt.NDArray[np.floating]]:
+    """Absolute errors per Gaussian (position, rotation, alpha) or component (scale, colour, sh)."""
+    distance = source.positions.astype(np.float64) - decoded.positions
+    return {
+        "position": np.sqrt((distance * distance).sum(axis=1)),
+        "rotation": _rotation_error(source.rotations, decoded.rotations),
+        "scale": np.abs(source.scales - decoded.scales),
+        "alpha": np.abs(_alpha(source.opacities) - _alpha(decoded.opacities)),
+        "colour": np.abs(source.sh_dc - decoded.sh_dc) * SH_C0,
+        "sh": np.abs(source.sh_rest - decoded.sh_rest),
+    }
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """One coded frame: its number, kind (I, P or skip), Gaussians, and bytes of its chunks."""
+
+    number: int
+    kind: str
+    num_gaussians: int
+    num_bytes: int
+
+
+@dataclass
+class EncodeReport:
+    """Frames, file size, measured errors, and notes about the input."""
+
+    frames: list[FrameRecord] = field(default_factory=list)
+    errors: dict[str, ErrorStatistics] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    num_bytes: int = 0
+
+    def add_frame(self, record: FrameRecord, source: GaussianCloud, decoded: GaussianCloud) -> None:
+        """Record a frame and its errors."""
+        self.frames.append(record)
+        for name, errors in attribute_errors(source, decoded).items():
+            self.errors.setdefault(name, ErrorStatistics()).add(errors)
+
+    def merge(self, other: EncodeReport) -> None:
+        """Append the report of the following frames."""
+        self.frames += other.frames
+        self.notes += other.notes
+        for name, statistics in other.errors.items():
+            self.errors.setdefault(name, ErrorStatistics()).merge(statistics)
+
+    def check_bounds(self, bounds: Iterable[Bound]) -> None:
+        """InputError when a guaranteed bound could not be kept."""
+        for bound in bounds:
+            found = self.errors[bound.attribute].maximum
+            if found > bound.value:
+                raise InputError(
+                    f"--bound {bound.attribute}={bound.value:g} cannot be kept: {found:g} was measured. It "
+                    "is near the spacing of float32 numbers or of the grid at the scene's far end; loosen it"
+                )

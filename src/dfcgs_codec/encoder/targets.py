@@ -1,0 +1,36 @@
+"""Input frames on the grids of the state; what did not change is not computed again."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.codec.verbatim import state_of
+from dfcgs_codec.gaussians import GaussianCloud
+
+Int64 = npt.NDArray[np.int64]
+Planes = dict[Attribute, Int64]
+
+
+def wide_planes(state: FrameState) -> Planes:
+    """The planes of a state as int64."""
+    return {attribute: plane.wide() for attribute, plane in state.planes.items()}
+
+
+def ordered(planes: Planes, order: Int64) -> Planes:
+    """Rows of each plane in the given order."""
+    return {attribute: values[order] for attribute, values in planes.items()}
+
+
+class Targets:
+    """Turns frames into planes of grid integers (N, C), int64, in input order."""
+
+    def __init__(self, units: UnitExponents) -> None:
+        self._units = units
+
+    def planes(self, cloud: GaussianCloud) -> Planes:
+        """The planes of `cloud`."""
+        return wide_planes(state_of(cloud, self._units))

@@ -1,0 +1,1 @@
+"""Entropy coding: frozen integer tables and the only user of constriction."""

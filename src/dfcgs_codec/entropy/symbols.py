@@ -1,0 +1,144 @@
+"""Coding arrays of integers with the models of `coder`, written once for both directions.
+
+In every function `values` is the array to encode, or None when decoding; the array is returned.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.entropy.coder import (
+    MAX_UNIFORM_BITS,
+    Int64,
+    Model,
+    RangeCoder,
+    scale_model,
+    uniform,
+)
+from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, split_scale
+from dfcgs_codec.errors import CorruptBitstream
+
+#: escaped magnitudes have at most this many bits
+_MAX_ESCAPE_BITS = 32
+
+
+def code_bits(coder: RangeCoder, values: Int64 | None, bits: int, count: int) -> Int64:
+    """`count` integers of `bits` equally likely bits (0 to 63), low 16 bits first."""
+    result = np.zeros(count, np.int64)
+    for shift in range(0, bits, MAX_UNIFORM_BITS):
+        width = min(MAX_UNIFORM_BITS, bits - shift)
+        part = None if values is None else values >> shift & ((1 << width) - 1)
+        result |= coder.code(part, uniform(1 << width), count) << shift
+    return result
+
+
+class Groups:
+    """Positions of the symbols of each context, found once and used for each pass over them."""
+
+    def __init__(self, contexts: npt.NDArray[np.integer], num_contexts: int) -> None:
+        self.order = np.argsort(contexts.astype(np.uint16), kind="stable")
+        counts = np.bincount(contexts, minlength=num_contexts)
+        self.bounds = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
+        self.used = np.flatnonzero(counts)
+
+    def slices(self) -> list[tuple[int, slice]]:
+        """(context, slice of `order`) for each context that occurs, ascending."""
+        return [(int(c), slice(int(self.bounds[c]), int(self.bounds[c + 1]))) for c in self.used]
+
+
+def code_with_models(coder: RangeCoder, values: Int64 | None, groups: Groups, models: list[Model]) -> Int64:
+    """Symbols, each with the model of its context, context after context."""
+    count = len(groups.order)
+    ordered = None if values is None else values[groups.order]
+    coded = np.empty(count, np.int64)
+    for context, part in groups.slices():
+        given = None if ordered is None else ordered[part]
+        coded[part] = coder.code(given, models[context], part.stop - part.start)
+    result = np.empty(count, np.int64)
+    result[groups.order] = coded
+    return result
+
+
+def code_escapes(coder: RangeCoder, values: Int64 | None, count: int) -> Int64:
+    """Integers >= 0 without a model: number of bits of value + 1, then the bits below the leading one."""
+    if not count:
+        return np.zeros(0, np.int64)
+    lengths = None if values is None else np.frexp((values + 1).astype(np.float64))[1] - 1
+    given = None if lengths is None else lengths.astype(np.int64)
+    lengths = coder.code(given, uniform(_MAX_ESCAPE_BITS), count)
+    result = np.zeros(count, np.int64)
+    for length in np.unique(lengths).tolist():
+        rows = np.flatnonzero(lengths == length)
+        low = None if values is None else (values[rows] + 1) - (1 << length)
+        result[rows] = code_bits(coder, low, length, len(rows)) + (1 << length) - 1
+    return result
+
+
+def code_residuals(
+    coder: RangeCoder, values: Int64 | None, contexts: npt.NDArray[np.integer], tables: Int64
+) -> Int64:
+    """Signed integers, each with the scale table that `tables` names for its context.
+
+    `tables[c]` = shape * NUM_SCALES + scale. Table symbols first, context after context; then the
+    excess of escaped symbols; then the raw low bits of contexts with scales above 63.
+    """
+    groups = Groups(contexts, len(tables))
+    ordered = None if values is None else values[groups.order]
+    coded = np.empty(len(groups.order), np.int64)
+    escapes = []
+    for context, part in groups.slices():
+        shape, scale = divmod(int(tables[context]), NUM_SCALES)
+        base, low_bits = split_scale(scale)
+        model = scale_model(Shape(shape), base)
+        k = model.size // 2
+        given = None if ordered is None else np.clip((ordered[part] >> low_bits) + k, 0, 2 * k)
+        symbols = coder.code(given, model, part.stop - part.start) - k
+        coded[part] = symbols
+        escapes.append(np.flatnonzero(np.abs(symbols) == k) + part.start)
+    _code_excess(coder, ordered, coded, np.concatenate(escapes or [np.zeros(0, np.int64)]), groups, tables)
+    _code_low_bits(coder, ordered, coded, groups, tables)
+    result = np.empty(len(coded), np.int64)
+    result[groups.order] = coded
+    return result
+
+
+def _code_excess(
+    coder: RangeCoder,
+    ordered: Int64 | None,
+    coded: Int64,
+    rows: Int64,
+    groups: Groups,
+    tables: Int64,
+) -> None:
+    """Add to the escaped symbols in `coded[rows]` what lies beyond their table."""
+    if not len(rows):
+        return
+    end = coded[rows]
+    excess = None
+    if ordered is not None:
+        shifts = np.array([split_scale(int(t) % NUM_SCALES)[1] for t in tables], np.int64)
+        of_row = np.repeat(shifts[groups.used], np.diff(groups.bounds)[groups.used])
+        excess = np.abs((ordered[rows] >> of_row[rows]) - end)
+    coded[rows] = end + np.sign(end) * code_escapes(coder, excess, len(rows))
+
+
+def _code_low_bits(
+    coder: RangeCoder, ordered: Int64 | None, coded: Int64, groups: Groups, tables: Int64
+) -> None:
+    """Append the raw low bits of contexts with wide scales."""
+    for context, part in groups.slices():
+        low_bits = split_scale(int(tables[context]) % NUM_SCALES)[1]
+        if low_bits:
+            low = None if ordered is None else ordered[part] & ((1 << low_bits) - 1)
+            bits = code_bits(coder, low, low_bits, part.stop - part.start)
+            coded[part] = (coded[part] << low_bits) | bits
+
+
+def code_count(coder: RangeCoder, value: int | None, limit: int) -> int:
+    """One integer 0 <= value <= limit without a model; a larger one is corrupt."""
+    given = None if value is None else np.array([value], np.int64)
+    result = int(code_escapes(coder, given, 1)[0])
+    if result > limit:
+        raise CorruptBitstream(f"a coded count is {result}, at most {limit} is possible")
+    return result

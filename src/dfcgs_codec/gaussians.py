@@ -1,0 +1,81 @@
+"""The data model: one frame of 3D Gaussians, as float arrays.
+
+Shapes, dtypes and spaces are stated here and nowhere else:
+
+    positions  (N, 3)    float32  scene units
+    rotations  (N, 4)    float32  quaternion w, x, y, z; any length but zero
+    scales     (N, 3)    float32  natural logarithm of the standard deviation, scene units
+    opacities  (N,)      float32  logit of alpha
+    sh_dc      (N, 3)    float32  SH degree 0 coefficient of red, green, blue
+    sh_rest    (N, 3, K) float32  higher SH coefficients, channel first as in the PLY;
+                                  K = 0, 3, 8, 15 for SH degree 0, 1, 2, 3
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.errors import InputError
+
+Float32 = npt.NDArray[np.float32]
+
+#: number of higher SH coefficients per colour channel, indexed by SH degree
+SH_REST_COEFFICIENTS = (0, 3, 8, 15)
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianCloud:
+    """One frame; the arrays are described at the top of this module."""
+
+    positions: Float32
+    rotations: Float32
+    scales: Float32
+    opacities: Float32
+    sh_dc: Float32
+    sh_rest: Float32
+
+    def __post_init__(self) -> None:
+        n = len(self.positions)
+        k = self.sh_rest.shape[-1] if self.sh_rest.ndim == 3 else -1
+        expected = {
+            "positions": (n, 3),
+            "rotations": (n, 4),
+            "scales": (n, 3),
+            "opacities": (n,),
+            "sh_dc": (n, 3),
+            "sh_rest": (n, 3, k),
+        }
+        for name, shape in expected.items():
+            array = getattr(self, name)
+            if array.shape != shape or array.dtype != np.float32:
+                raise InputError(
+                    f"GaussianCloud.{name}: found {array.dtype} {array.shape}, expected float32 {shape}"
+                )
+        if k not in SH_REST_COEFFICIENTS:
+            raise InputError(
+                f"GaussianCloud.sh_rest: {k} coefficients per channel, expected one of {SH_REST_COEFFICIENTS}"
+            )
+
+    @property
+    def num_gaussians(self) -> int:
+        """N."""
+        return len(self.positions)
+
+    @property
+    def sh_degree(self) -> int:
+        """0 to 3."""
+        return SH_REST_COEFFICIENTS.index(self.sh_rest.shape[2])
+
+    def take(self, index: npt.NDArray[np.int64]) -> GaussianCloud:
+        """The Gaussians `index`, in that order."""
+        return GaussianCloud(
+            self.positions[index],
+            self.rotations[index],
+            self.scales[index],
+            self.opacities[index],
+            self.sh_dc[index],
+            self.sh_rest[index],
+        )

@@ -1,0 +1,121 @@
+"""Levels of detail along the Morton order: who predicts whom (spec section 9.2).
+
+With L levels, Gaussians at multiples of 2**L form the base. Level l (L - 1 down to 0) holds the odd
+multiples of 2**l; each is predicted from the eight nearest *in order* among the multiples of
+2**(l + 1), four on either side, with integer weights that fall with distance and sum to 256.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Int64 = npt.NDArray[np.int64]
+
+NUM_NEIGHBOURS = 8
+WEIGHT_BITS = 8
+MAX_LEVELS = 8
+MIN_BASE = 32
+#: coordinate differences are clipped here, so that squared distances stay exact in float64
+_MAX_DIFFERENCE = 1 << 20
+
+
+@dataclass(frozen=True)
+class Level:
+    """One level: rows `first::step` of the frame, predicted from rows `::step`.
+
+    `weights` is (8, rows) or (8, 1) int64, summing to 256 over its first axis.
+    """
+
+    first: int
+    step: int
+    weights: Int64
+
+    @property
+    def rows(self) -> slice:
+        """The Gaussians of the level."""
+        return slice(self.first, None, self.step)
+
+    def statistics(self, values: Int64) -> tuple[Int64, Int64]:
+        """Weighted mean and mean absolute deviation of the neighbours, both times 256, int64.
+
+        `values` (N,) must hold the coarser levels.
+        """
+        coarse = values[:: self.step]
+        count = len(values[self.rows])
+        padded = np.pad(coarse, NUM_NEIGHBOURS // 2, mode="edge")
+        windows = [padded[k + 1 : k + 1 + count] for k in range(NUM_NEIGHBOURS)]
+        mean = windows[0] * self.weights[0]
+        for window, weight in zip(windows[1:], self.weights[1:], strict=True):
+            mean += window * weight
+        rounded = (mean + 128) >> WEIGHT_BITS
+        deviation = np.abs(windows[0] - rounded) * self.weights[0]
+        for window, weight in zip(windows[1:], self.weights[1:], strict=True):
+            deviation += np.abs(window - rounded) * weight
+        return mean, deviation
+
+
+@dataclass(frozen=True)
+class LevelsOfDetail:
+    """All levels of a frame, coarse to fine; `base` are the rows that nothing predicts."""
+
+    base: slice
+    levels: tuple[Level, ...]
+
+
+def num_levels(num_gaussians: int) -> int:
+    """L: as many as leave a base of at least 32 Gaussians, at most 8."""
+    count = 0
+    while count < MAX_LEVELS and num_gaussians >> (count + 1) >= MIN_BASE:
+        count += 1
+    return count
+
+
+def _weights(positions: Int64, first: int, step: int) -> Int64:
+    """Integer weights (8, rows) from the distances to the neighbours."""
+    rows = positions[first::step]
+    coarse = np.pad(positions[::step], ((4, 4), (0, 0)), mode="edge")
+    inverse = np.empty((NUM_NEIGHBOURS, len(rows)), np.int64)
+    for k in range(NUM_NEIGHBOURS):
+        difference = np.abs(coarse[k + 1 : k + 1 + len(rows)] - rows)
+        np.minimum(difference, _MAX_DIFFERENCE, out=difference)
+        squared = (difference * difference).sum(1)
+        # exact: the square root of an integer below 2**53 is correctly rounded
+        inverse[k] = (1 << 32) // (np.sqrt(squared.astype(np.float64)).astype(np.int64) + 1)
+    weights: Int64 = (inverse << WEIGHT_BITS) // inverse.sum(0)
+    nearest = inverse.argmax(0)
+    weights[nearest, np.arange(len(rows))] += (1 << WEIGHT_BITS) - weights.sum(0)
+    return weights
+
+
+def build_levels(positions: Int64) -> LevelsOfDetail:
+    """Levels for `positions` (N, 3) in canonical order, in units of the position step."""
+    count = num_levels(len(positions))
+    levels = tuple(
+        Level(1 << level, 2 << level, _weights(positions, 1 << level, 2 << level))
+        for level in range(count - 1, -1, -1)
+    )
+    return LevelsOfDetail(slice(0, None, 1 << count), levels)
+
+
+def order_levels(count: int) -> LevelsOfDetail:
+    """Levels for `count` Gaussians whose eight neighbours in order weigh the same."""
+    weights = np.full((NUM_NEIGHBOURS, 1), (1 << WEIGHT_BITS) // NUM_NEIGHBOURS, np.int64)
+    levels = num_levels(count)
+    return LevelsOfDetail(
+        slice(0, None, 1 << levels),
+        tuple(Level(1 << level, 2 << level, weights) for level in range(levels - 1, -1, -1)),
+    )
+
+
+def ladder(activity: Int64, num_steps: int) -> Int64:
+    """Half-octave class of integers >= 0 (below 2**53): 0 for 0, else 1 + floor(2 log2), clipped.
+
+    The half octave begins at 181/128, so only exact operations take part.
+    """
+    mantissa, exponent = np.frexp(activity.astype(np.float64))
+    step = 2 * exponent.astype(np.int64) - 1 + (mantissa * 256.0 >= 181.0)
+    steps: Int64 = np.minimum(np.where(activity > 0, step, 0), num_steps - 1)
+    return steps

@@ -1,0 +1,82 @@
+"""Rotations in fixed point: stereographic vectors and unit quaternions (spec sections 8.2, 9.4).
+
+A quaternion (w, x, y, z) with w >= 0 has the stereographic vector p = (x, y, z) / (1 + w) with
+|p| <= 1. Back: w = (1 - p.p) / (1 + p.p), (x, y, z) = 2 p / (1 + p.p); rational, so integers do it
+exactly, and a step of p is worth 2 to 4 radians per unit everywhere: no singularity.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import ROTATION_FRACTION_BITS, STEREO_FRACTION_BITS
+
+Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+
+ONE = 1 << ROTATION_FRACTION_BITS
+STEREO_ONE = 1 << STEREO_FRACTION_BITS
+
+#: axis flips (spec section 9.4): right-multiplying by 1, i, j, k leaves the Gaussian as it was
+CELLS = np.eye(4, dtype=np.int64)
+
+
+def round_divide(numerator: Int64, denominator: Int64 | int) -> Int64:
+    """Quotient rounded to nearest, halves up; the denominator is positive."""
+    return (2 * numerator + denominator) // (2 * denominator)
+
+
+def from_stereo(vectors: Int64) -> Int64:
+    """Unit quaternions (N, 4), Q1.24, of stereographic `vectors` (N, 3), Q0.18, clipped to +-1."""
+    p = np.clip(vectors, -STEREO_ONE, STEREO_ONE)
+    squared = (p * p).sum(1)
+    one = STEREO_ONE * STEREO_ONE
+    denominator = one + squared
+    quaternions = np.empty((len(p), 4), np.int64)
+    quaternions[:, 0] = round_divide((one - squared) << ROTATION_FRACTION_BITS, denominator)
+    scaled = p << (ROTATION_FRACTION_BITS + STEREO_FRACTION_BITS + 1)
+    quaternions[:, 1:] = round_divide(scaled, denominator[:, None])
+    return quaternions
+
+
+def to_stereo(quaternions: Float64) -> Float64:
+    """Stereographic vectors (N, 3), |p| <= 1, of unit quaternions (N, 4) of either sign; analysis only."""
+    q = np.where(quaternions[:, :1] < 0, -quaternions, quaternions)
+    vectors: Float64 = q[:, 1:] / (1.0 + q[:, :1])
+    return vectors
+
+
+def multiply(a: Int64, b: Int64) -> Int64:
+    """Hamilton product of Q1.24 quaternions (N, 4), rounded to Q1.24."""
+    w, x, y, z = a.T
+    s, i, j, k = b.T
+    product = np.stack(
+        [
+            w * s - x * i - y * j - z * k,
+            w * i + x * s + y * k - z * j,
+            w * j - x * k + y * s + z * i,
+            w * k + x * j - y * i + z * s,
+        ],
+        axis=1,
+    )
+    return (product + (ONE >> 1)) >> ROTATION_FRACTION_BITS
+
+
+def normalise(quaternions: Int64) -> Int64:
+    """Scale Q1.24 quaternions (N, 4), not zero, back to length 1."""
+    squared = (quaternions * quaternions).sum(1)
+    # exact: the square root of an integer below 2**53 is correctly rounded
+    length = np.sqrt(squared.astype(np.float64)).astype(np.int64)
+    return round_divide(quaternions << ROTATION_FRACTION_BITS, np.maximum(length, 1)[:, None])
+
+
+def from_float(rotations: npt.NDArray[np.float32]) -> Int64:
+    """Unit quaternions (N, 4), Q1.24, of float quaternions of any length but zero; integers decide.
+
+    Each row is scaled by a power of two (exact), rounded to integers and normalised.
+    """
+    wide = rotations.astype(np.float64)
+    exponent = np.frexp(np.abs(wide).max(1))[1]
+    scaled = np.rint(np.ldexp(wide, (ROTATION_FRACTION_BITS - exponent)[:, None])).astype(np.int64)
+    return normalise(scaled)
