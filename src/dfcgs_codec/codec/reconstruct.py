@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.inter import InterSymbols
+from dfcgs_codec.codec.inter import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, normalise
@@ -46,7 +46,7 @@ def reconstruct_intra(symbols: IntraSymbols, steps: dict[Attribute, int]) -> Fra
 
 def _turn(reference: Plane, symbols: Int64, step: int) -> Plane:
     """Rotate about each Gaussian's own axes; rows without symbols keep their bits."""
-    rows = np.flatnonzero(symbols.any(axis=1))
+    rows = np.flatnonzero(nonzero_rows(symbols))
     quaternions = reference.wide()
     turned = multiply(quaternions[rows], from_stereo(symbols[rows] * step))
     quaternions[rows] = normalise(turned)

@@ -4,64 +4,73 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.component import EarlierPasses, code_component
 from dfcgs_codec.codec.dpb import SH_BANDS, FrameState, Plane, sh_bands, sh_rest_of_bands
 from dfcgs_codec.codec.intra import code_permutation
-from dfcgs_codec.codec.symbols import Int64, SymbolCoder
+from dfcgs_codec.codec.symbols import Int64, SymbolCoder, UInt8
 from dfcgs_codec.entropy.symbols import Groups, code_bits, code_with_models
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.companding import compress
-from dfcgs_codec.transform.lod import LevelsOfDetail, order_levels
+from dfcgs_codec.transform.lod import order_levels
 from dfcgs_codec.transform.rotation import from_float
 
 Float32 = npt.NDArray[np.float32]
 _BYTE = 256
+_NUM_CONTEXTS = 8
 
 
-def ordered_integers(values: Float32) -> Int64:
-    """Integers -2**31..2**31 - 1 in the order of the floats; one to one on bits."""
-    bits = np.ascontiguousarray(values, "<f4").view("<i4").astype(np.int64)
-    return np.where(bits < 0, -(bits & 0x7FFFFFFF) - 1, bits)
+def _middle_exponent(top: Int64) -> int:
+    return int(np.median(top & 0x7F))
 
 
-def floats(integers: Int64) -> Float32:
-    """Inverse of `ordered_integers`."""
-    bits = np.where(integers < 0, -(integers + 1) | -0x80000000, integers)
-    return bits.astype("<i4").view("<f4").astype(np.float32)
+def _exponent_contexts(top: Int64, center: int) -> UInt8:
+    """Contexts of the second byte: where the exponent's upper seven bits lie around `center`."""
+    half = _NUM_CONTEXTS // 2
+    step = np.clip((top & 0x7F) - center, -half, half - 1) + half
+    return np.asarray(step, np.uint8)
 
 
-def _code_plane(coder: SymbolCoder, values: Int64 | None, count: int) -> Int64:
-    """Bytes with one histogram, or raw where that is as good."""
+def _code_plane(coder: SymbolCoder, values: Int64 | None, contexts: UInt8) -> Int64:
+    """Bytes with a histogram per context, or raw where that is as good."""
+    count = len(contexts)
     known = np.zeros(0, np.int64) if values is None else values
 
     def is_structured() -> int:
-        histogram = np.bincount(known, minlength=_BYTE)
-        seen = histogram[histogram > 0]
-        entropy = float(seen @ np.log2(count / seen))
-        return int(entropy + 6 * _BYTE < 8 * count)
+        cells = np.bincount(contexts.astype(np.int64) * _BYTE + known, minlength=_NUM_CONTEXTS * _BYTE)
+        table = cells.reshape(-1, _BYTE).astype(np.float64)
+        total = np.maximum(table.sum(axis=1, keepdims=True), 1)
+        entropy = -(table * np.log2(np.maximum(table, 1) / total)).sum()
+        return int(entropy + 4 * np.count_nonzero(table) < 8 * count)
 
     if not coder.choice(2, is_structured):
         return code_bits(coder, values, 8, count)
+    groups = Groups(contexts, _NUM_CONTEXTS)
+    models = coder.histograms(groups.used, _NUM_CONTEXTS, _BYTE, lambda: (known, contexts))
+    return code_with_models(coder, values, groups, models)
+
+
+def code_float_column(coder: SymbolCoder, target: Float32 | None, count: int) -> Float32:
+    """One float32 column (N,), byte by byte from the top: sign and exponent first."""
+    bits = None
+    if target is not None:
+        bits = np.ascontiguousarray(target, "<f4").view("<u4").astype(np.int64)
+    result = np.zeros(count, np.int64)
     contexts = np.zeros(count, np.uint8)
-    models = coder.histograms(np.zeros(1, np.int64), 1, _BYTE, lambda: (known, contexts))
-    return code_with_models(coder, values, Groups(contexts, 1), models)
-
-
-def code_float_column(coder: SymbolCoder, target: Float32 | None, lod: LevelsOfDetail, count: int) -> Float32:
-    """One float32 column (N,): the upper half of its bits as a component, the lower as two bytes."""
-    integers = None if target is None else ordered_integers(target)
-    upper = None if integers is None else integers >> 16
-    coded = code_component(coder, upper, lod, EarlierPasses(count)) << 16
-    for shift in (8, 0):
-        part = None if integers is None else integers >> shift & (_BYTE - 1)
-        coded |= _code_plane(coder, part, count) << shift
-    return floats(coded)
+    for shift in (24, 16, 8, 0):
+        part = None if bits is None else bits >> shift & (_BYTE - 1)
+        plane = _code_plane(coder, part, contexts)
+        result |= plane << shift
+        contexts = np.zeros(count, np.uint8)
+        if shift == 24:
+            center = coder.choice(_BYTE, partial(_middle_exponent, plane))
+            contexts = _exponent_contexts(plane, center)
+    return result.astype("<u4").view("<f4").astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -90,7 +99,7 @@ def code_verbatim(
         coder = next_coder()
         known = None if symbols is None else symbols.columns[index]
         columns = [
-            code_float_column(coder, None if known is None else known[:, c], lod, count) for c in range(width)
+            code_float_column(coder, None if known is None else known[:, c], count) for c in range(width)
         ]
         result.append(np.stack(columns, axis=1))
         if index == 0 and has_permutation:

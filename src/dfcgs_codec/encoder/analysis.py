@@ -10,7 +10,7 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import MAX_SORT_BITS, Attribute
 from dfcgs_codec.bitstream.frame_headers import SortGrid
 from dfcgs_codec.codec.dpb import FrameState
-from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols, classify_blocks
+from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols, classify_blocks, nonzero_rows
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
@@ -123,7 +123,7 @@ def inter_symbols(
     quantisation, zero_bin, block_log2 = coding
     activity = {}
     for attribute, values in target.items():
-        changed = np.flatnonzero((values != before[attribute]).any(axis=1))
+        changed = np.flatnonzero(nonzero_rows(values - before[attribute]))
         if not len(changed):
             continue
         bounded = attribute in quantisation.bounded
