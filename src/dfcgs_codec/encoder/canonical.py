@@ -8,12 +8,13 @@ sequence never flips between names.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.rotation import CELLS, ONE, multiply, normalise
 
 Int64 = npt.NDArray[np.int64]
@@ -45,6 +46,19 @@ class AxisNames:
         scales = np.take_along_axis(planes[Attribute.SCALE], self.order, axis=1)
         rotations = normalise(multiply(planes[Attribute.ROTATION], self.turns))
         return planes | {Attribute.SCALE: scales, Attribute.ROTATION: rotations}
+
+    def rename_cloud(self, cloud: GaussianCloud) -> GaussianCloud:
+        """The same for float values, in input order: what decoded values are to be compared with."""
+        scales = np.take_along_axis(cloud.scales, self.order, axis=1)
+        w, x, y, z = cloud.rotations.astype(np.float64).T
+        s, i, j, k = self.turns.T / ONE
+        rotations = [
+            w * s - x * i - y * j - z * k,
+            w * i + x * s + y * k - z * j,
+            w * j - x * k + y * s + z * i,
+            w * k + x * j - y * i + z * s,
+        ]
+        return replace(cloud, scales=scales, rotations=np.stack(rotations, axis=1).astype(np.float32))
 
 
 def choose_axis_names(planes: Planes) -> AxisNames:

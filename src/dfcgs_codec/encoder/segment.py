@@ -36,7 +36,7 @@ from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.triage import is_tracked
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import FrameSource
-from dfcgs_codec.transform.rotation import ONE, round_divide
+from dfcgs_codec.transform.rotation import round_divide
 
 Int64 = npt.NDArray[np.int64]
 
@@ -134,7 +134,7 @@ class SegmentEncoder:
             coded, before_cloud = attempt, cloud
             frames.append(coded.data)
             assert gof is not None
-            self._record(segment, index, cloud, (coded, gof, before))
+            self._record(segment, index, cloud, (coded, gof))
         segment.gofs.append(CodedGof(first, len(frames), b"".join(frames)))
         return segment
 
@@ -192,17 +192,12 @@ class SegmentEncoder:
         return self._anchors[first]
 
     def _record(
-        self, segment: CodedSegment, index: int, cloud: GaussianCloud, coded: tuple[CodedFrame, _Gof, Planes]
+        self, segment: CodedSegment, index: int, cloud: GaussianCloud, coded: tuple[CodedFrame, _Gof]
     ) -> None:
         """Measure the frame's errors as a decoder will have it, against the input under its axis names."""
-        frame, gof, target = coded
-        source = cloud.take(gof.order)
-        if gof.names is not None:
-            axes = gof.names.order[gof.order]
-            scales = np.take_along_axis(source.scales, axes, axis=1)
-            rotations = (target[Attribute.ROTATION] / ONE).astype(np.float32)
-            source = replace(source, scales=scales, rotations=rotations)
+        frame, gof = coded
+        source = cloud if gof.names is None else gof.names.rename_cloud(cloud)
         decoded = output(replace(frame.state, order=None), self._plan.header.unit_exponents)
         number = self._source.numbers[index]
         record = FrameRecord(number, frame.kind, cloud.num_gaussians, len(frame.data))
-        segment.report.add_frame(record, source, decoded)
+        segment.report.add_frame(record, source.take(gof.order), decoded)

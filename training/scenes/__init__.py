@@ -1,0 +1,26 @@
+"""Moving Gaussian scenes for training and evaluation; every sequence follows from its options and seed.
+
+    animated_sequence   an animated glTF asset -> Gaussians on its surface
+    trained_sequence    a static trained splat -> the same in motion
+    stress_sequence     sequences that break codecs
+    VARIANTS            a clean sequence -> noisy, drifting, semi-tracked, permuted, untracked, ...
+"""
+
+from training.scenes.animated import animated_sequence
+from training.scenes.options import SceneOptions
+from training.scenes.semi_tracked import semi_tracked_with_ids
+from training.scenes.stress import STRESS, stress_sequence
+from training.scenes.trained import MOTIONS, trained_sequence
+from training.scenes.variants import VARIANTS, permuted_with_ids
+
+__all__ = [
+    "MOTIONS",
+    "STRESS",
+    "VARIANTS",
+    "SceneOptions",
+    "animated_sequence",
+    "permuted_with_ids",
+    "semi_tracked_with_ids",
+    "stress_sequence",
+    "trained_sequence",
+]
