@@ -14,11 +14,12 @@ from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.dpb import FrameState, Plane, output
 from dfcgs_codec.codec.inter import InterShape, InterSymbols, code_inter
 from dfcgs_codec.codec.intra import IntraShape, code_intra
-from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
+from dfcgs_codec.codec.reconstruct import gof_levels, reconstruct_inter, reconstruct_intra
 from dfcgs_codec.codec.symbol_reader import SymbolReader
 from dfcgs_codec.codec.verbatim import cloud_of_columns, code_verbatim, state_of
 from dfcgs_codec.errors import CorruptBitstream, UnsupportedBitstream, VerificationError
 from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.transform.lod import GofLevels
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ class GofDecoder:
         self._sequence = container.sequence
         self._check = check
         self._reference: FrameState | None = None
+        self._levels: GofLevels | None = None
         self._history = InterSymbols()
 
     def intra(self, head: ChunkHead) -> FrameState:
@@ -95,31 +97,32 @@ class GofDecoder:
         reader = self._container.payload(head)
         header = IntraHeader.read(reader, self._sequence)
         self._history = InterSymbols()
-        return self._keep(decode_intra(reader, header, self._sequence), header.frame_hash, head)
+        state = decode_intra(reader, header, self._sequence)
+        self._levels = gof_levels(state, header.steps)
+        return self._keep(state, header.frame_hash, head)
 
     def inter(self, head: ChunkHead, next_chunk: Callable[[], ChunkHead]) -> FrameState:
         """Decode an INTER_FRAME chunk and the chunks that belong to it."""
-        if self._reference is None:
+        if self._reference is None or self._levels is None:
             raise CorruptBitstream("a P-frame without an I-frame before it", offset=head.offset)
         reader = self._container.payload(head)
         header = InterHeader.read(reader, self._sequence)
         reader.expect_end("the P-frame header")
         symbols = InterSymbols()
         if header.steps:
-            symbols = self._residual(header, head, next_chunk(), self._reference)
+            shape = InterShape(
+                sorted(header.steps), self._reference.num_gaussians, header.block_log2, self._levels
+            )
+            symbols = self._residual(head, next_chunk(), shape)
         state = reconstruct_inter(symbols, header.steps, self._reference)
         self._history = symbols
         return self._keep(state, header.frame_hash, head)
 
-    def _residual(
-        self, header: InterHeader, head: ChunkHead, residual: ChunkHead, reference: FrameState
-    ) -> InterSymbols:
+    def _residual(self, head: ChunkHead, residual: ChunkHead, shape: InterShape) -> InterSymbols:
         if residual.chunk_type != ChunkType.RESIDUAL or residual.frame_index != head.frame_index:
             raise CorruptBitstream("a P-frame lacks its residual chunk", offset=residual.offset)
         reader = self._container.payload(residual)
-        attributes = sorted(header.steps)
-        streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes))
-        shape = InterShape(attributes, reference.num_gaussians, header.block_log2)
+        streams = _Streams(reader, tuple(reader.uvarint() for _ in shape.attributes))
         symbols = code_inter(streams.next, None, self._history, shape)
         streams.close()
         return symbols

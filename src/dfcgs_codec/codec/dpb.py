@@ -18,6 +18,12 @@ SH_BANDS = (Attribute.SH_1, Attribute.SH_2, Attribute.SH_3)
 
 Int64 = npt.NDArray[np.int64]
 Int32 = npt.NDArray[np.int32]
+Float32 = npt.NDArray[np.float32]
+
+
+def _to_float(values: npt.NDArray[np.integer], exponent: int) -> npt.NDArray[np.float32]:
+    # exact: |value| < 2**29 and a power of two fit float64, and one rounding leads to float32
+    return np.ldexp(values.astype(np.float64), exponent).astype(np.float32)
 
 
 class Plane:
@@ -27,6 +33,7 @@ class Plane:
         self.values: Int32 = np.ascontiguousarray(values, np.int32)
         self.values.setflags(write=False)
         self._digest: bytes | None = None
+        self._floats: tuple[int, Float32] | None = None
 
     @property
     def digest(self) -> bytes:
@@ -35,6 +42,14 @@ class Plane:
             data = self.values.astype("<i4", copy=False)
             self._digest = hashlib.blake2b(data.data, digest_size=FRAME_HASH_BYTES).digest()
         return self._digest
+
+    def floats(self, exponent: int) -> Float32:
+        """The values times 2**exponent, computed at most once; exact but for one rounding to float32."""
+        if self._floats is None or self._floats[0] != exponent:
+            floats = _to_float(self.values, exponent)
+            floats.setflags(write=False)
+            self._floats = (exponent, floats)
+        return self._floats[1]
 
     def wide(self) -> Int64:
         """The values as int64, for arithmetic."""
@@ -96,11 +111,6 @@ def sh_rest_of_bands(bands: list[npt.NDArray[np.float32]], count: int) -> npt.ND
     return np.ascontiguousarray(columns.reshape(count, -1, 3).transpose(0, 2, 1))
 
 
-def _to_float(values: npt.NDArray[np.integer], exponent: int) -> npt.NDArray[np.float32]:
-    # exact: |value| < 2**29 and a power of two fit float64, and one rounding leads to float32
-    return np.ldexp(values.astype(np.float64), exponent).astype(np.float32)
-
-
 def output(state: FrameState, units: UnitExponents) -> GaussianCloud:
     """The output process: the float32 frame of a state, in output order (spec section 8.4)."""
     cloud = state.verbatim if state.verbatim is not None else _expand(state, units)
@@ -115,12 +125,12 @@ def _expand(state: FrameState, units: UnitExponents) -> GaussianCloud:
     n = state.num_gaussians
     planes = state.planes
     logits = expand(planes[Attribute.OPACITY].wide()[:, 0], units.opacity)
-    bands = [_to_float(planes[a].values, units.color) for a in SH_BANDS if a in planes]
+    bands = [planes[a].floats(units.color) for a in SH_BANDS if a in planes]
     return GaussianCloud(
-        positions=_to_float(planes[Attribute.POSITION].values, units.position),
-        rotations=_to_float(planes[Attribute.ROTATION].values, -ROTATION_FRACTION_BITS),
-        scales=_to_float(planes[Attribute.SCALE].values, units.scale),
+        positions=planes[Attribute.POSITION].floats(units.position),
+        rotations=planes[Attribute.ROTATION].floats(-ROTATION_FRACTION_BITS),
+        scales=planes[Attribute.SCALE].floats(units.scale),
         opacities=_to_float(logits, units.opacity),
-        sh_dc=_to_float(planes[Attribute.SH_DC].values, units.color),
+        sh_dc=planes[Attribute.SH_DC].floats(units.color),
         sh_rest=sh_rest_of_bands(bands, n),
     )

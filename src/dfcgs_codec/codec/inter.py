@@ -17,7 +17,7 @@ from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
 from dfcgs_codec.codec.component import EarlierPasses, code_component
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
 from dfcgs_codec.entropy.symbols import Groups, code_residuals, code_with_models
-from dfcgs_codec.transform.lod import ladder, order_levels
+from dfcgs_codec.transform.lod import GofLevels, LevelsOfDetail, ladder
 
 Bool = npt.NDArray[np.bool_]
 
@@ -25,6 +25,8 @@ NUM_DENSITIES = 4
 DENSE = NUM_DENSITIES - 1
 #: magnitude classes are half octaves of the mean magnitude, in quarters of a symbol
 NUM_MAGNITUDES = 24
+#: with more significant Gaussians than this, all are coded, and their nearest neighbours help
+_ALL_DENSE_SHARE = 0.85
 #: middle of each magnitude class, in quarters of a symbol: round(2**((class - 0.5) / 2))
 _CLASS_MIDDLES = np.array(
     (0, 1, 2, 2, 3, 5, 7, 10, 13, 19, 27, 38, 54, 76, 108, 152, 215, 304, 431, 609, 861, 1218, 1722, 2435),
@@ -97,6 +99,8 @@ def classify_blocks(symbols: Int64, block_log2: int) -> tuple[Int64, Int64]:
     density = np.where(significant * 4 < size, 1, 2)
     density = np.where(significant == size, DENSE, density)
     density[significant == 0] = 0
+    if significant.sum() > _ALL_DENSE_SHARE * len(symbols):
+        density[:] = DENSE
     total = np.add.reduceat(magnitude, starts) * 4
     mean = total // np.maximum(significant * symbols.shape[1], 1)
     return density, ladder(mean, NUM_MAGNITUDES)
@@ -149,10 +153,15 @@ def _code_flags(
     return np.flatnonzero(result)
 
 
-def _code_columns(coder: SymbolCoder, target: Int64 | None, magnitude: Int64, before: Int64) -> Int64:
-    """Symbols (S, C) of the significant Gaussians; `magnitude` (S,), `before` (S, C)."""
+def _code_columns(
+    coder: SymbolCoder, target: Int64 | None, lod: LevelsOfDetail, context: tuple[Int64, Int64]
+) -> Int64:
+    """Symbols (S, C) of the significant Gaussians.
+
+    `context` is their blocks' magnitude class (S,) and their symbols in the previous frame (S, C).
+    """
+    magnitude, before = context
     count, num_columns = before.shape
-    lod = order_levels(count)
     hints = [_CLASS_MIDDLES[magnitude], row_sums(np.abs(before))]
     earlier = EarlierPasses(count, hints=hints)
     result = np.empty((count, num_columns), np.int64)
@@ -165,12 +174,22 @@ def _code_columns(coder: SymbolCoder, target: Int64 | None, magnitude: Int64, be
     return result
 
 
+@dataclass(frozen=True)
+class InterShape:
+    """What headers and reference say that the walk needs."""
+
+    attributes: list[Attribute]
+    num_gaussians: int
+    block_log2: int
+    levels: GofLevels
+
+
 def code_inter_attribute(
     coder: SymbolCoder,
     target: AttributeActivity | None,
     before: AttributeActivity,
     beside: AttributeActivity,
-    block_log2: int,
+    shape: InterShape,
 ) -> AttributeActivity:
     """The stream of one attribute; `before`: this attribute in the previous frame; `beside`: the
     attribute coded before it in this frame. Returns symbols (N, C) and classes."""
@@ -179,22 +198,14 @@ def code_inter_attribute(
         coder, None if target is None else target.magnitude, density, before.magnitude
     )
     count = len(before.symbols)
-    block = np.arange(count) >> block_log2
+    block = np.arange(count) >> shape.block_log2
     flags = None if target is None else target.significant().astype(np.int64)
     rows = _code_flags(coder, flags, density[block], (before.significant(), beside.significant()))
     symbols = np.zeros(before.symbols.shape, np.int64)
     given = None if target is None else target.symbols[rows]
-    symbols[rows] = _code_columns(coder, given, magnitude[block[rows]], before.symbols[rows])
+    lod = shape.levels.of(len(rows))
+    symbols[rows] = _code_columns(coder, given, lod, (magnitude[block[rows]], before.symbols[rows]))
     return AttributeActivity(symbols, density, magnitude)
-
-
-@dataclass(frozen=True)
-class InterShape:
-    """What headers and reference say that the walk needs."""
-
-    attributes: list[Attribute]
-    num_gaussians: int
-    block_log2: int
 
 
 def code_inter(
@@ -213,6 +224,6 @@ def code_inter(
         if before is None or len(before.density) != blocks:
             before = AttributeActivity.none(shape.num_gaussians, columns, blocks)
         target = None if symbols is None else symbols.activity[attribute]
-        beside = code_inter_attribute(next_coder(), target, before, beside, shape.block_log2)
+        beside = code_inter_attribute(next_coder(), target, before, beside, shape)
         coded[attribute] = beside
     return InterSymbols(coded)

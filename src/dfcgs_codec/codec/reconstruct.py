@@ -12,7 +12,8 @@ from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.inter import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.errors import CorruptBitstream
-from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, normalise
+from dfcgs_codec.transform.lod import GofLevels
+from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, normalise, round_divide
 
 Int64 = npt.NDArray[np.int64]
 
@@ -42,6 +43,12 @@ def reconstruct_intra(symbols: IntraSymbols, steps: dict[Attribute, int]) -> Fra
             planes[attribute] = _in_range(values * steps[attribute])
     order = None if symbols.permutation is None else Plane(symbols.permutation[:, None])
     return FrameState(planes, order)
+
+
+def gof_levels(state: FrameState, steps: dict[Attribute, int]) -> GofLevels:
+    """Levels for the P-frames after the I-frame `state`; without steps its grid units count."""
+    step = steps.get(Attribute.POSITION, 1)
+    return GofLevels(round_divide(state.planes[Attribute.POSITION].wide(), step))
 
 
 def _turn(reference: Plane, symbols: Int64, step: int) -> Plane:

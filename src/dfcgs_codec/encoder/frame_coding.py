@@ -14,9 +14,10 @@ from dfcgs_codec.bitstream.io import ByteWriter
 from dfcgs_codec.codec.dpb import FrameState, Plane, verbatim_columns
 from dfcgs_codec.codec.inter import InterShape, InterSymbols, code_inter
 from dfcgs_codec.codec.intra import IntraShape, IntraSymbols, code_intra
-from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
+from dfcgs_codec.codec.reconstruct import gof_levels, reconstruct_inter, reconstruct_intra
 from dfcgs_codec.codec.verbatim import VerbatimSymbols, code_verbatim
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.transform.lod import GofLevels
 
 Int64 = npt.NDArray[np.int64]
 
@@ -28,6 +29,7 @@ class CodedFrame:
     data: bytes
     kind: str
     state: FrameState
+    levels: GofLevels
     history: InterSymbols = field(default_factory=InterSymbols)
 
 
@@ -69,7 +71,8 @@ def code_intra_frame(
     coded = streams.finish()
     lengths = tuple(map(len, coded))
     header = IntraHeader(state.hash(), IntraKind.CODED, count, permuted, grid, used, lengths)
-    return CodedFrame(_intra_chunk(frame_index, header, coded), "I", state)
+    chunk = _intra_chunk(frame_index, header, coded)
+    return CodedFrame(chunk, "I", state, gof_levels(state, used))
 
 
 def code_verbatim_frame(frame_index: int, state: FrameState, permutation: Int64 | None) -> CodedFrame:
@@ -86,7 +89,8 @@ def code_verbatim_frame(frame_index: int, state: FrameState, permutation: Int64 
     coded = streams.finish()
     lengths = tuple(map(len, coded))
     header = IntraHeader(ordered.hash(), IntraKind.PLY, count, permuted, None, {}, lengths)
-    return CodedFrame(_intra_chunk(frame_index, header, coded), "I", ordered)
+    chunk = _intra_chunk(frame_index, header, coded)
+    return CodedFrame(chunk, "I", ordered, gof_levels(ordered, {}))
 
 
 def code_inter_frame(
@@ -100,9 +104,9 @@ def code_inter_frame(
     InterHeader(state.hash(), block_log2, used).write(writer)
     data = write_chunk(ChunkType.INTER_FRAME, frame_index, writer.getvalue())
     if not used:
-        return CodedFrame(data, "skip", state)
+        return CodedFrame(data, "skip", state, before.levels)
     streams = _Streams()
-    shape = InterShape(list(used), state.num_gaussians, block_log2)
+    shape = InterShape(list(used), state.num_gaussians, block_log2, before.levels)
     code_inter(streams.next, symbols, before.history, shape)
     residual = ByteWriter()
     coded = streams.finish()
@@ -111,4 +115,4 @@ def code_inter_frame(
     for stream in coded:
         residual.raw(stream)
     data += write_chunk(ChunkType.RESIDUAL, frame_index, residual.getvalue())
-    return CodedFrame(data, "P", state, symbols)
+    return CodedFrame(data, "P", state, before.levels, symbols)

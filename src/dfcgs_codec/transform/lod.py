@@ -110,6 +110,26 @@ def order_levels(count: int) -> LevelsOfDetail:
     )
 
 
+class GofLevels:
+    """Levels of detail for the P-frames of a GoF, from the positions of its I-frame.
+
+    Where all Gaussians take part, neighbours weigh by their distance at the I-frame; where only some do, they
+    weigh the same. The distances are looked at when they are first needed.
+    """
+
+    def __init__(self, positions: Int64) -> None:
+        self._positions = positions
+        self._all: LevelsOfDetail | None = None
+
+    def of(self, count: int) -> LevelsOfDetail:
+        """Levels for `count` of the Gaussians."""
+        if count < len(self._positions):
+            return order_levels(count)
+        if self._all is None:
+            self._all = build_levels(self._positions)
+        return self._all
+
+
 def ladder(activity: Int64, num_steps: int) -> Int64:
     """Half-octave class of integers >= 0 (below 2**53): 0 for 0, else 1 + floor(2 log2), clipped.
 
