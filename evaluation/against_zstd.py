@@ -1,4 +1,4 @@
-"""The codec against "quantised delta + zstd" at equal steps, no dead zone: `python -m evaluation.against_zstd`.
+"""The codec against "quantised delta + zstd" at equal steps: `python -m evaluation.against_zstd`.
 
 Whole files of the codec (every byte on disk) against the sum of the baseline's zstd frames, which have no
 container, no checksums and no hashes. Largest errors are equal by construction, and measured.

@@ -5,7 +5,7 @@ or differences of bins along the order, whichever is smaller. P-frames: differen
 frame (the axes of rotations stay named as at the I-frame, signs continuous). Zigzag, byte planes, zstd
 level 19, one frame of zstd per attribute.
 
-Rotations come in two forms. `quaternion`: the four components of the PLY as bins, with the step that gives the
+Rotations come in two forms. `quaternion`: the four components as bins, with the step that gives the
 same largest error in degrees as the codec's. `turn`: the codec's own symbols (stereographic turn about
 the Gaussian's axes, closed loop), which only leaves the entropy coder to compare.
 """

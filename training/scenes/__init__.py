@@ -1,9 +1,9 @@
 """Moving Gaussian scenes for training and evaluation; every sequence follows from its options and seed.
 
-    animated_sequence   an animated glTF asset -> Gaussians on its surface
-    trained_sequence    a static trained splat -> the same in motion
-    stress_sequence     sequences that break codecs
-    VARIANTS            a clean sequence -> noisy, drifting, semi-tracked, permuted, untracked, ...
+animated_sequence   an animated glTF asset -> Gaussians on its surface
+trained_sequence    a static trained splat -> the same in motion
+stress_sequence     sequences that break codecs
+VARIANTS            a clean sequence -> noisy, drifting, semi-tracked, permuted, untracked, ...
 """
 
 from training.scenes.animated import animated_sequence

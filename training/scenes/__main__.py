@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
-from training.scenes._ply import read_ply, write_ply
+from dfcgs_codec.ply import read_ply, write_ply
 from training.scenes.animated import animated_sequence
 from training.scenes.options import SceneOptions
 from training.scenes.stress import STRESS, stress_sequence
@@ -55,7 +55,7 @@ def scene_frames(scene: str, options: SceneOptions, *, clip: str, motion: str) -
     if path.suffix.lower() in (".glb", ".gltf"):
         return animated_sequence(path, options, clip)
     if path.suffix.lower() == ".ply":
-        return trained_sequence(read_ply(path), options, motion)
+        return trained_sequence(read_ply(path)[0], options, motion)
     raise InputError(f"{scene}: expected a .glb, .gltf or .ply file")
 
 
@@ -66,7 +66,7 @@ def write_frames(frames: Iterator[GaussianCloud], out_dir: Path) -> int:
     out_dir.mkdir(parents=True, exist_ok=True)
     count = 0
     for count, frame in enumerate(frames, start=1):
-        write_ply(frame, out_dir / f"frame_{count - 1:04d}.ply")
+        write_ply(out_dir / f"frame_{count - 1:04d}.ply", frame)
     return count
 
 

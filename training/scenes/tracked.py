@@ -123,12 +123,13 @@ def noisy(
 
     The 35 % that get no new jitter are those first that the clean sequence does not move: they are
     bit-identical if it does not move them, and follow it smoothly if it does.
+    Where N changes (a cut), tracking starts anew.
     """
     rng = np.random.default_rng([seed, NOISY_STREAM])
     tracker: _NoisyTracker | None = None
     last: GaussianCloud | None = None
     for index, frame in enumerate(frames):
-        if tracker is None or last is None:
+        if tracker is None or last is None or last.num_gaussians != frame.num_gaussians:
             tracker = _NoisyTracker(frame, rng, statistics or NoisyStatistics())
         else:
             moved = np.linalg.norm(frame.positions - last.positions, axis=1).astype(np.float64)
@@ -143,12 +144,13 @@ def drifting(
     """*All attributes change*: a slow drift, smooth in space, plus small noise on every value.
 
     Both scale with a magnitude that varies over space (log-normal), so that some regions hardly change.
+    Where N changes (a cut), it starts anew.
     """
     a = amplitudes or DriftAmplitudes()
     rng = np.random.default_rng([seed, DRIFT_STREAM])
     rest: GaussianCloud | None = None
     for index, frame in enumerate(frames):
-        if rest is None:
+        if rest is None or rest.num_gaussians != frame.num_gaussians:
             rest = frame
             sizes = _amplitude_row(a, frame)
             drift = field_for(frame, rng, len(sizes), wavelength=a.wavelength, period=a.period)
@@ -162,9 +164,7 @@ def _amplitude_row(a: DriftAmplitudes, cloud: GaussianCloud) -> Float64:
     """One amplitude per column of `_shifted`."""
     rest = 3 * cloud.sh_rest.shape[2]
     position = a.position * scene_size(cloud.positions)
-    return np.repeat(
-        [position, a.rotation, a.scale, a.opacity, a.sh_dc, a.sh_rest], [3, 3, 3, 1, 3, rest]
-    )
+    return np.repeat([position, a.rotation, a.scale, a.opacity, a.sh_dc, a.sh_rest], [3, 3, 3, 1, 3, rest])
 
 
 def _shifted(frame: GaussianCloud, shift: Float64) -> GaussianCloud:

@@ -28,9 +28,7 @@ def smooth(frames: Iterable[GaussianCloud], seed: int) -> Iterator[GaussianCloud
     yield from frames
 
 
-def permuted_with_ids(
-    frames: Iterable[GaussianCloud], seed: int
-) -> Iterator[tuple[GaussianCloud, Int64]]:
+def permuted_with_ids(frames: Iterable[GaussianCloud], seed: int) -> Iterator[tuple[GaussianCloud, Int64]]:
     """As `permuted`, with the true identity (N,) of each Gaussian: equal in two frames = the same one."""
     rng = np.random.default_rng([seed, PERMUTED_STREAM])
     for frame, ids in semi_tracked_with_ids(frames, seed):

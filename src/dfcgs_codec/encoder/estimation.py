@@ -77,9 +77,10 @@ def _table_costs(residuals: Int64, contexts: UInt8, num_contexts: int) -> Float6
     """Bits of each context's residuals with each table; (contexts, 3, 160), inf where not tried."""
     costs = np.full((num_contexts, NUM_SHAPES, NUM_SCALES), np.inf)
     counts = np.bincount(contexts, minlength=num_contexts)
-    histogram = _histogram(residuals, contexts, num_contexts).astype(np.float64)
-    base = (histogram @ _code_lengths().T).reshape(num_contexts, NUM_SHAPES, NUM_BASE_SCALES)
-    costs[:, :, :NUM_BASE_SCALES] = base
+    used = np.flatnonzero(counts)
+    histogram = _histogram(residuals, contexts, num_contexts)[used].astype(np.float64)
+    base = (histogram @ _code_lengths().T).reshape(len(used), NUM_SHAPES, NUM_BASE_SCALES)
+    costs[used, :, :NUM_BASE_SCALES] = base
     sums = np.bincount(contexts, weights=np.abs(residuals), minlength=num_contexts)
     for context in np.flatnonzero(sums > _WIDE_MEAN * np.maximum(counts, 1)).tolist():
         _wide_costs(costs[context], residuals[contexts == context])

@@ -183,7 +183,7 @@ class SegmentEncoder:
         first = self._plan.anchors[index]
         if first not in self._anchors:
             cloud, _ = self._source.read(first)
-            planes = wide_planes(state_of(cloud, self._plan.header.unit_exponents))
+            planes = self._targets.planes(cloud)
             step = self._plan.quantisation.steps[Attribute.POSITION]
             indices = round_divide(planes[Attribute.POSITION], step)
             rank = np.empty(len(indices), np.int64)

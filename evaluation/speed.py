@@ -1,0 +1,109 @@
+"""Encode and decode times on two cores, one run, medians: `python -m evaluation.speed`."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
+from dfcgs_codec.encoder.encoder import plan_sequence
+from dfcgs_codec.encoder.segment import SegmentEncoder
+from dfcgs_codec.ply import read_ply
+from dfcgs_codec.sequence import MemorySource
+from evaluation.assets import find_asset
+from evaluation.record import write_result
+from training.scenes import VARIANTS, SceneOptions, trained_sequence
+
+_FRAMES = 8
+_REPEATS = 3
+
+
+def _decode_times(path: Path) -> list[float]:
+    """Seconds to arrays, hash checked, of each frame."""
+    times = [time.perf_counter()]
+    for frame in decode_sequence(path):
+        frame.cloud()
+        times.append(time.perf_counter())
+    return [after - before for before, after in pairwise(times)]
+
+
+class _Clock(MemorySource):
+    """Notes when each frame is asked for, so that the encoder's time per frame shows."""
+
+    def read(self, index: int) -> tuple[GaussianCloud, list[str]]:
+        self.asked.append((index, time.perf_counter()))  # type: ignore[attr-defined]
+        return super().read(index)
+
+
+def _encode_times(frames: list[GaussianCloud], options: EncoderOptions) -> list[float]:
+    """Seconds from asking for a frame to asking for the next."""
+    source = _Clock(frames)
+    object.__setattr__(source, "asked", [])
+    encoder = SegmentEncoder(source, plan_sequence(source, options))
+    source.asked.clear()  # type: ignore[attr-defined]
+    encoder.encode(0, len(frames))
+    end = time.perf_counter()
+    # the I-frame asks for the first frame twice: once more as the anchor of its order
+    starts = dict(reversed(source.asked))  # type: ignore[attr-defined]
+    moments = [starts[index] for index in range(len(frames))] + [end]
+    return [after - before for before, after in pairwise(moments)]
+
+
+def measure(frames: list[GaussianCloud], folder: Path) -> dict[str, Any]:
+    """Median seconds of I- and P-frames, encode and decode."""
+    options = EncoderOptions(gof_size=len(frames))
+    path = folder / "speed.dgs"
+    encode_sequence(frames, path, options, force=True)
+    encode = [_encode_times(frames, options) for _ in range(_REPEATS)]
+    decode = [_decode_times(path) for _ in range(_REPEATS)]
+    info = probe(path)
+    return {
+        "num_gaussians": frames[0].num_gaussians,
+        "sh_degree": frames[0].sh_degree,
+        "bytes_i": info.frames[0].num_bytes,
+        "bytes_p_median": statistics.median(f.num_bytes for f in info.frames[1:]),
+        "encode_i_s": statistics.median(run[0] for run in encode),
+        "encode_p_s": statistics.median(t for run in encode for t in run[1:]),
+        "decode_i_s": statistics.median(run[0] for run in decode),
+        "decode_p_s": statistics.median(t for run in decode for t in run[1:]),
+    }
+
+
+def _help_time() -> float:
+    def once() -> float:
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "dfcgs_codec", "--help"], capture_output=True, check=True)
+        return time.perf_counter() - start
+
+    return statistics.median(once() for _ in range(7))
+
+
+def main() -> None:
+    """Measure and write the result."""
+    cloud, _ = read_ply(find_asset("playbot_125k_sh2.ply", "playbot_31k_sh2.ply"))
+    options = SceneOptions(_FRAMES)
+    clean: Callable[[], Any] = lambda: trained_sequence(cloud, options, "sway")  # noqa: E731
+    results: dict[str, Any] = {"help_s": _help_time()}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, variant in (("tracked", "noisy"), ("all_attributes_change", "drift"), ("static", "static")):
+            frames = list(VARIANTS[variant](clean(), 0))
+            results[name] = measure(frames, Path(folder))
+            print(name, {k: round(v, 3) for k, v in results[name].items()})
+    conditions = {
+        "qp": EncoderOptions().qp,
+        "repeats": _REPEATS,
+        "frames": _FRAMES,
+        "to": "arrays, hash checked",
+    }
+    print(write_result("speed", conditions, results))
+
+
+if __name__ == "__main__":
+    main()
