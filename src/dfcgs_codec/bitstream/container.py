@@ -170,10 +170,11 @@ class ContainerWriter:
         """Append a chunk."""
         self._put(write_chunk(chunk_type, frame_index, payload))
 
-    def gof(self, first_frame: int, num_frames: int, chunks: bytes) -> None:
-        """Append the chunks of a closed GoF and remember where it starts."""
-        self._entries.append(IndexEntry(first_frame, num_frames, self.size))
-        self._put(chunks)
+    def gof(self, first_frame: int, frames: list[bytes]) -> None:
+        """Append the chunks of a closed GoF, frame by frame, and remember where it starts."""
+        self._entries.append(IndexEntry(first_frame, len(frames), self.size))
+        for chunks in frames:
+            self._put(chunks)
 
     def finish(self) -> None:
         """Index and end."""

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
 from pathlib import Path
 from typing import BinaryIO
 
@@ -14,6 +12,7 @@ from dfcgs_codec.bitstream.constants import LEVELS, ChunkType, Profile
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.parallel import code_in_parallel
 from dfcgs_codec.encoder.rate_control import plan_quantisation
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder, SequencePlan
@@ -26,8 +25,6 @@ Progress = Callable[[int, int], None]
 
 #: room for a scene to grow beyond its first frame before coordinates must be clipped
 _REACH_MARGIN = 16.0
-#: segments in flight per process, so that a fast process never waits and memory stays bounded
-_SEGMENTS_PER_JOB = 2
 
 
 def _level(max_gaussians: int, num_frames: int) -> int:
@@ -70,40 +67,20 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     return SequencePlan(header, quantisation, options, _anchors(counts))
 
 
-_worker: SegmentEncoder | None = None
-
-
-def _start_worker(source: FrameSource, plan: SequencePlan) -> None:
-    global _worker
-    _worker = SegmentEncoder(source, plan)
-
-
-def _work(segment: tuple[int, int]) -> CodedSegment:
-    assert _worker is not None
-    return _worker.encode(*segment)
+def _segments(plan: SequencePlan) -> list[tuple[int, int]]:
+    """First frame and end of each run that begins with an I-frame."""
+    count, size = plan.header.num_frames, plan.options.gof_size
+    return [(start, min(start + size, count)) for start in range(0, count, size)]
 
 
 def _coded_segments(source: FrameSource, plan: SequencePlan) -> Iterator[CodedSegment]:
     """Segments in order, coded by this process or by `options.jobs` others."""
-    count, size = plan.header.num_frames, plan.options.gof_size
-    segments = [(start, min(start + size, count)) for start in range(0, count, size)]
-    jobs = min(plan.options.jobs, len(segments))
-    if jobs == 1:
-        encoder = SegmentEncoder(source, plan)
-        yield from (encoder.encode(*segment) for segment in segments)
+    segments = _segments(plan)
+    if min(plan.options.jobs, len(segments)) > 1:
+        yield from code_in_parallel(source, plan, segments)
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, _start_worker, (source, plan)) as pool:
-        waiting: list[Future[CodedSegment]] = []
-        try:
-            for segment in segments:
-                waiting.append(pool.submit(_work, segment))
-                if len(waiting) >= _SEGMENTS_PER_JOB * jobs:
-                    yield waiting.pop(0).result()
-            while waiting:
-                yield waiting.pop(0).result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    encoder = SegmentEncoder(source, plan)
+    yield from (encoder.encode(*segment) for segment in segments)
 
 
 def _write(
@@ -114,7 +91,7 @@ def _write(
     writer.chunk(ChunkType.ENCODER_INFO, 0, plan.options.describe().encode())
     for segment in _coded_segments(source, plan):
         for gof in segment.gofs:
-            writer.gof(gof.first_frame, gof.num_frames, gof.data)
+            writer.gof(gof.first_frame, gof.frames)
         report.merge(segment.report)
         if progress:
             progress(len(report.frames), plan.header.num_frames)

@@ -94,6 +94,17 @@ def _exponent(step: float, coarsest: int) -> int:
     return max(-60, min(coarsest, math.floor(math.log2(step)) - _UNITS_PER_STEP_LOG2))
 
 
+def _exponents(units: UnitExponents) -> dict[Attribute, int]:
+    """log2 of the unit of each attribute's steps."""
+    return {
+        Attribute.POSITION: units.position,
+        Attribute.SCALE: units.scale,
+        Attribute.ROTATION: -STEREO_FRACTION_BITS,
+        Attribute.OPACITY: units.opacity,
+        **dict.fromkeys((Attribute.SH_DC, *SH_BANDS), units.color),
+    }
+
+
 def plan_quantisation(
     qp: float, bounds: tuple[Bound, ...], first: GaussianCloud, reach: float
 ) -> Quantisation:
@@ -117,13 +128,7 @@ def plan_quantisation(
         opacity=_exponent(real[Attribute.OPACITY], _COARSEST_EXPONENT),
         color=_exponent(min(real[a] for a in colours), _COARSEST_EXPONENT),
     )
-    exponents = {
-        Attribute.POSITION: units.position,
-        Attribute.SCALE: units.scale,
-        Attribute.ROTATION: -STEREO_FRACTION_BITS,
-        Attribute.OPACITY: units.opacity,
-        **dict.fromkeys(colours, units.color),
-    }
+    exponents = _exponents(units)
     steps = {}
     for attribute, step in real.items():
         grid = step / 2.0 ** exponents[attribute]

@@ -58,11 +58,10 @@ class SequencePlan:
 
 @dataclass(frozen=True)
 class CodedGof:
-    """A closed GoF: its first frame, its frames, its chunks."""
+    """A closed GoF: its first frame and the chunks of each of its frames."""
 
     first_frame: int
-    num_frames: int
-    data: bytes
+    frames: list[bytes] = field(default_factory=list)
 
 
 @dataclass
@@ -90,6 +89,17 @@ class _Gof:
     names: AxisNames | None
 
 
+@dataclass(frozen=True)
+class _Loop:
+    """The closed loop after a frame: what was coded, what it should have been, and from which input."""
+
+    coded: CodedFrame
+    gof: _Gof
+    target: Planes
+    cloud: GaussianCloud
+    intra_bytes: int
+
+
 class SegmentEncoder:
     """Codes segments of one sequence; keeps the last anchor."""
 
@@ -102,53 +112,44 @@ class SegmentEncoder:
     def encode(self, start: int, stop: int) -> CodedSegment:
         """Frames start..stop - 1."""
         segment = CodedSegment()
-        frames: list[bytes] = []
-        first = start
-        cloud = before_cloud = None
-        gof: _Gof | None = None
-        coded: CodedFrame | None = None
-        before: Planes = {}
-        intra_bytes = 0
+        loop: _Loop | None = None
         for index in range(start, stop):
             cloud, notes = self._source.read(index)
             segment.report.notes += notes
-            planes = self._targets.planes(cloud)
-            attempt = None
-            if (
-                coded is not None
-                and gof is not None
-                and before_cloud is not None
-                and is_tracked(before_cloud, cloud)
-            ):
-                target = self._target(planes, gof)
-                attempt = self._inter(index, (target, before), coded)
-                before = target
-            if attempt is None or len(attempt.data) > _TRY_INTRA_SHARE * intra_bytes:
-                fresh, fresh_gof, fresh_target = self._intra(index, cloud, planes)
-                if attempt is None or len(fresh.data) < len(attempt.data):
-                    if frames:
-                        segment.gofs.append(CodedGof(first, len(frames), b"".join(frames)))
-                    frames, first = [], index
-                    attempt, gof, before = fresh, fresh_gof, fresh_target
-                    intra_bytes = len(fresh.data)
-            coded, before_cloud = attempt, cloud
-            frames.append(coded.data)
-            assert gof is not None
-            self._record(segment, index, cloud, (coded, gof))
-        segment.gofs.append(CodedGof(first, len(frames), b"".join(frames)))
+            loop = self._next(index, cloud, loop)
+            if loop.coded.kind == "I":
+                segment.gofs.append(CodedGof(index))
+            segment.gofs[-1].frames.append(loop.coded.data)
+            self._record(segment, index, loop)
         return segment
+
+    def _next(self, index: int, cloud: GaussianCloud, before: _Loop | None) -> _Loop:
+        """P or I, whichever is smaller; I is tried only where P is large or cannot be."""
+        planes = self._targets.planes(cloud)
+        inter = None
+        if before is not None and is_tracked(before.cloud, cloud):
+            inter = self._inter(index, (cloud, planes), before)
+            if len(inter.coded.data) <= _TRY_INTRA_SHARE * before.intra_bytes:
+                return inter
+        intra = self._intra(index, cloud, planes)
+        if inter is not None and len(inter.coded.data) <= len(intra.coded.data):
+            return inter
+        return intra
 
     def _target(self, planes: Planes, gof: _Gof) -> Planes:
         renamed = planes if gof.names is None else gof.names.rename(planes)
         return ordered(renamed, gof.order)
 
-    def _inter(self, index: int, targets: tuple[Planes, Planes], before: CodedFrame) -> CodedFrame:
+    def _inter(self, index: int, frame: tuple[GaussianCloud, Planes], before: _Loop) -> _Loop:
+        cloud, planes = frame
         quantisation = self._plan.quantisation
+        target = self._target(planes, before.gof)
         coding = (quantisation, ZeroBin(self._plan.options.zero_bin), BLOCK_LOG2)
-        symbols = inter_symbols(*targets, before.state, coding)
-        return code_inter_frame(index, symbols, before, (quantisation.steps, BLOCK_LOG2))
+        symbols = inter_symbols(target, before.target, before.coded.state, coding)
+        coded = code_inter_frame(index, symbols, before.coded, (quantisation.steps, BLOCK_LOG2))
+        return _Loop(coded, before.gof, target, cloud, before.intra_bytes)
 
-    def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> tuple[CodedFrame, _Gof, Planes]:
+    def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> _Loop:
         options, steps = self._plan.options, self._plan.quantisation.steps
         anchor = self._anchor(index)
         tracked = is_tracked(anchor.cloud, cloud)
@@ -157,16 +158,16 @@ class SegmentEncoder:
         order = order_of(indices, grid)
         permutation = self._permutation(order, anchor if tracked else None)
         if options.intra == IntraKind.PLY:
-            gof = _Gof(order, None)
             state = state_of(cloud.take(order), self._plan.header.unit_exponents)
-            return code_verbatim_frame(index, state, permutation), gof, wide_planes(state)
+            coded = code_verbatim_frame(index, state, permutation)
+            return _Loop(coded, _Gof(order, None), wide_planes(state), cloud, len(coded.data))
         names = None
         if not options.keep_axes:
             names = anchor.names if tracked else choose_axis_names(planes)
         gof = _Gof(order, names)
         target = self._target(planes, gof)
-        symbols = intra_symbols(target, steps, permutation)
-        return code_intra_frame(index, symbols, grid, steps), gof, target
+        coded = code_intra_frame(index, intra_symbols(target, steps, permutation), grid, steps)
+        return _Loop(coded, gof, target, cloud, len(coded.data))
 
     def _permutation(self, order: Int64, anchor: _Anchor | None) -> Int64 | None:
         """Place in the output of each Gaussian in GoF order; None where that is the GoF order."""
@@ -191,13 +192,11 @@ class SegmentEncoder:
             self._anchors = {first: _Anchor(cloud, rank, choose_axis_names(planes))}
         return self._anchors[first]
 
-    def _record(
-        self, segment: CodedSegment, index: int, cloud: GaussianCloud, coded: tuple[CodedFrame, _Gof]
-    ) -> None:
+    def _record(self, segment: CodedSegment, index: int, loop: _Loop) -> None:
         """Measure the frame's errors as a decoder will have it, against the input under its axis names."""
-        frame, gof = coded
-        source = cloud if gof.names is None else gof.names.rename_cloud(cloud)
+        names, frame = loop.gof.names, loop.coded
+        source = loop.cloud if names is None else names.rename_cloud(loop.cloud)
         decoded = output(replace(frame.state, order=None), self._plan.header.unit_exponents)
         number = self._source.numbers[index]
-        record = FrameRecord(number, frame.kind, cloud.num_gaussians, len(frame.data))
-        segment.report.add_frame(record, source.take(gof.order), decoded)
+        record = FrameRecord(number, frame.kind, source.num_gaussians, len(frame.data))
+        segment.report.add_frame(record, source.take(loop.gof.order), decoded)

@@ -1,0 +1,65 @@
+"""Segments coded by several processes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+
+from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder, SequencePlan
+from dfcgs_codec.errors import InputError
+from dfcgs_codec.sequence import FrameSource
+
+#: segments in flight per process, so that a fast process never waits and memory stays bounded
+_SEGMENTS_PER_JOB = 2
+_worker: SegmentEncoder | None = None
+
+
+def _start_worker(source: FrameSource, plan: SequencePlan) -> None:
+    global _worker
+    # an interrupt is the parent's to handle; it ends its workers
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _worker = SegmentEncoder(source, plan)
+
+
+def _work(segment: tuple[int, int]) -> CodedSegment:
+    assert _worker is not None
+    return _worker.encode(*segment)
+
+
+def _in_order(
+    pool: ProcessPoolExecutor, segments: list[tuple[int, int]], in_flight: int
+) -> Iterator[CodedSegment]:
+    waiting: deque[Future[CodedSegment]] = deque()
+    for segment in segments:
+        waiting.append(pool.submit(_work, segment))
+        if len(waiting) >= in_flight:
+            yield waiting.popleft().result()
+    while waiting:
+        yield waiting.popleft().result()
+
+
+def code_in_parallel(
+    source: FrameSource, plan: SequencePlan, segments: list[tuple[int, int]]
+) -> Iterator[CodedSegment]:
+    """Segments in order, coded by `plan.options.jobs` processes; the bytes are those of one process.
+
+    On an error or an interrupt the processes are ended at once.
+    """
+    jobs = min(plan.options.jobs, len(segments))
+    context = multiprocessing.get_context("spawn")
+    before = set(multiprocessing.active_children())
+    with ProcessPoolExecutor(jobs, context, _start_worker, (source, plan)) as pool:
+        try:
+            yield from _in_order(pool, segments, _SEGMENTS_PER_JOB * jobs)
+        except BrokenProcessPool:
+            raise InputError(
+                "a worker process was ended by the system, most likely for want of memory; use fewer --jobs"
+            ) from None
+        except BaseException:
+            for process in set(multiprocessing.active_children()) - before:
+                process.terminate()
+            raise
