@@ -43,8 +43,8 @@ def categorical(frequencies: Int64) -> Model:
 
 @cache
 def uniform(size: int) -> Model:
-    """Model of `size` equally likely symbols, 2 <= size <= 2**16."""
-    if not 2 <= size <= 1 << MAX_UNIFORM_BITS:
+    """Model of `size` equally likely symbols, a power of two, 2 <= size <= 2**16."""
+    if not 2 <= size <= 1 << MAX_UNIFORM_BITS or size & (size - 1):
         raise ValueError(f"uniform model of {size} symbols")
     flat = np.full(size, (1 << FREQUENCY_BITS) // size, np.int64)
     return Model(_MODELS.Uniform(size), flat)

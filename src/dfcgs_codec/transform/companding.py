@@ -18,7 +18,7 @@ _KNOT_EXPONENT = -4
 #: the unit must divide the knots' distances by 2**7
 MAX_OPACITY_EXPONENT = _KNOT_EXPONENT - len(KNOTS)
 #: largest change of alpha per unit (real, not grid) of companded logit
-ALPHA_PER_UNIT = 0.2616
+ALPHA_PER_UNIT = 0.262
 
 
 def _knots(exponent: int) -> tuple[list[int], list[int]]:
