@@ -154,17 +154,13 @@ class SequenceDecoder:
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
         """Frames start..stop - 1, decoding from the GoF that holds `start`."""
-        if start == 0 and stop is None:
-            yield from self._frames(None, 0, self.sequence.num_frames)
-            return
         stop = self.sequence.num_frames if stop is None else stop
-        entries = [e for e in self.container.index().entries if e.first_frame <= start]
-        yield from self._frames(entries[-1].offset, start, stop)
-
-    def _frames(self, offset: int | None, start: int, stop: int) -> Iterator[DecodedFrame]:
-        expected = None if offset is not None else 0
+        expected, offset = 0, None
+        if start > 0 or stop < self.sequence.num_frames:
+            entry = [e for e in self.container.index().entries if e.first_frame <= start][-1]
+            expected, offset = entry.first_frame, entry.offset
         for frame in self.gof_frames(self.container.chunks(offset)):
-            if expected is not None and frame.index != expected:
+            if frame.index != expected:
                 raise CorruptBitstream(f"frame {expected} is missing")
             expected = frame.index + 1
             if frame.index >= start:
