@@ -60,7 +60,8 @@ bench-speed: $(STAMP) ## encode and decode times: evaluation/results/speed.json
 bench-memory: $(STAMP) ## peak memory of a long sequence: evaluation/results/memory.json
 	$(BIN)/python -m evaluation.memory
 
-bench: bench-speed bench-zstd bench-spz bench-memory ## all measurements
+bench: bench-speed bench-zstd bench-spz bench-memory ## all measurements, then the README's tables
+	$(BIN)/python -m evaluation.readme
 
 clean: ## remove what was built
 	rm -rf out build $(VENV)

@@ -117,7 +117,9 @@ class ContainerReader:
             offset = head.end
             if head.chunk_type in ChunkType.__members__.values():
                 yield head
-            elif not head.is_ancillary:
+            elif head.is_ancillary:
+                self.payload(head)  # skipped, but a damaged type must not pass for an unknown one
+            else:
                 raise UnsupportedBitstream(
                     f"chunk type {head.chunk_type:#x} is unknown: a newer decoder is needed",
                     offset=head.offset,
