@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import TypeVar
@@ -83,9 +84,14 @@ def with_outliers(cloud: GaussianCloud, count: int, factor: float = 1000.0) -> G
     return replace(cloud, positions=positions)
 
 
+@cache
+def _asset() -> GaussianCloud:
+    return read_ply(ASSET)[0]
+
+
 def real_cloud(n: int) -> GaussianCloud:
     """Every k-th Gaussian of the asset."""
-    cloud, _ = read_ply(ASSET)
+    cloud = _asset()
     return cloud.take(np.linspace(0, cloud.num_gaussians - 1, n).astype(np.int64))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
@@ -10,21 +10,22 @@ from dfcgs_codec.encoder.encoder import Progress, encode_frames
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.gaussians import GaussianCloud
-from dfcgs_codec.sequence import FolderSource, FrameSource, MemorySource, open_folder
+from dfcgs_codec.sequence import FrameSource, MemorySource, open_folder
+
+#: a folder of PLY files, frames in memory, or a source that reads them when they are needed
+Frames = Path | str | list[GaussianCloud] | tuple[GaussianCloud, ...] | FrameSource
 
 
-def _source(frames: Path | str | Sequence[GaussianCloud] | FrameSource) -> FrameSource:
+def _source(frames: Frames) -> FrameSource:
     if isinstance(frames, (str, Path)):
         return open_folder(Path(frames))
-    if isinstance(frames, (FolderSource, MemorySource)):
-        return frames
-    if isinstance(frames, Sequence):
-        return MemorySource([frame for frame in frames if isinstance(frame, GaussianCloud)])
+    if isinstance(frames, (list, tuple)):
+        return MemorySource(list(frames))
     return frames
 
 
 def encode_sequence(
-    frames: Path | str | Sequence[GaussianCloud] | FrameSource,
+    frames: Frames,
     target: Path | str,
     options: EncoderOptions | None = None,
     *,

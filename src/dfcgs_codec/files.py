@@ -46,6 +46,9 @@ def _umask() -> int:
 @contextmanager
 def replace_folder_when_whole(target: Path, *, force: bool) -> Iterator[Path]:
     """A folder to fill that becomes `target` at the end; an empty `target` may exist."""
+    target = target.resolve()
+    if target in (Path.cwd(), *Path.cwd().parents):
+        raise InputError(f"{target} is the working folder or holds it; name another folder")
     empty = target.is_dir() and not any(target.iterdir())
     _check_free(target, force or empty)
     if target.exists() and not target.is_dir():

@@ -66,6 +66,7 @@ def peek_header(path: Path) -> PlyHeader:
     """Number of Gaussians and SH degree, from the header alone; InputError if it is not a 3DGS PLY."""
     names: list[str] = []
     count = None
+    element: list[str] = []
     with path.open("rb") as file:
         if file.readline(16).strip() != b"ply":
             raise InputError(f"{path}: not a PLY file (it does not start with 'ply')")
@@ -73,9 +74,11 @@ def peek_header(path: Path) -> PlyHeader:
             words = file.readline(4096).decode("ascii", "replace").split()
             if words[:1] == ["end_header"]:
                 break
-            if words[:2] == ["element", "vertex"] and len(words) == 3 and words[2].isdigit():
-                count = int(words[2])
-            elif words[:1] == ["property"]:
+            if words[:1] == ["element"]:
+                element = words[1:2]
+                if element == ["vertex"] and len(words) == 3 and words[2].isdigit():
+                    count = int(words[2])
+            elif words[:1] == ["property"] and element == ["vertex"]:
                 names.append(words[-1])
         else:
             raise InputError(f"{path}: the PLY header has no end_header line: truncated or not a PLY")

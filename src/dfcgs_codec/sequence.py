@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.ply import InputPolicy, PlyHeader, peek_header, read_ply
 
 DEFAULT_PATTERN = "*.ply"
+_MAX_NUMBER = (1 << 32) - 1
 _NUMBER = re.compile(r"\d+")
 
 
@@ -34,11 +37,31 @@ class FrameSource(Protocol):
         ...
 
 
+def _check_cloud(frame: GaussianCloud, index: int) -> None:
+    """What `read_ply` checks of a file, for a frame in memory."""
+    if not isinstance(frame, GaussianCloud):
+        raise InputError(f"frame {index}: a {type(frame).__name__}, expected a GaussianCloud")
+    if not frame.num_gaussians:
+        raise InputError(f"frame {index}: no Gaussians")
+    for name in ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest"):
+        values = getattr(frame, name)
+        if not np.isfinite(values).all():
+            raise InputError(f"frame {index}: {name} holds NaN or infinite values")
+    if (frame.rotations == 0).all(axis=1).any():
+        raise InputError(f"frame {index}: a quaternion of rotations is zero")
+
+
 @dataclass(frozen=True)
 class MemorySource:
     """Frames that are in memory."""
 
     frames: list[GaussianCloud]
+
+    def __post_init__(self) -> None:
+        for index, frame in enumerate(self.frames):
+            _check_cloud(frame, index)
+        if len({frame.sh_degree for frame in self.frames}) > 1:
+            raise InputError("frames of different SH degree; a sequence has one SH degree")
 
     @property
     def numbers(self) -> list[int]:
@@ -85,6 +108,11 @@ def _frame_numbers(paths: list[Path], folder: Path) -> list[int]:
     return [g[varying[0]] for g in groups]
 
 
+def _check_numbers(paths: list[Path], numbers: list[int]) -> None:
+    if numbers[-1] > _MAX_NUMBER:
+        raise InputError(f"{paths[-1]}: frame number {numbers[-1]} is above {_MAX_NUMBER}; rename the frames")
+
+
 def _check_gaps(paths: list[Path], numbers: list[int], folder: Path) -> None:
     for before, after in itertools.pairwise(numbers):
         if after != before + 1:
@@ -108,11 +136,15 @@ def open_folder(
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: not a folder; expected one PLY file per frame in it")
-    found = sorted(folder.glob(pattern))
+    try:
+        found = sorted(path for path in folder.glob(pattern) if path.is_file())
+    except (ValueError, NotImplementedError) as error:
+        raise InputError(f"{folder}: --pattern {pattern!r}: {error}; it is a relative glob such as '*.ply'") from None
     if not found:
         raise InputError(f"{folder}: no file matches '{pattern}'; --pattern chooses other names")
     order = sorted(zip(_frame_numbers(found, folder), found, strict=True))
     numbers, paths = [n for n, _ in order], [p for _, p in order]
+    _check_numbers(paths, numbers)
     if not allow_gaps:
         _check_gaps(paths, numbers, folder)
     headers = [peek_header(path) for path in paths]

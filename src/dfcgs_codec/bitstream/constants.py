@@ -22,6 +22,8 @@ STATE_LIMIT = (1 << 29) - 1
 ROTATION_FRACTION_BITS = 24
 #: fraction bits of the stereographic rotation vector that rotation symbols scale
 STEREO_FRACTION_BITS = 18
+#: the unit of the opacity grid divides the distances of the companding knots by 2**7
+MAX_OPACITY_EXPONENT = -11
 #: the sort key holds this many bits per axis at most
 MAX_SORT_BITS = 21
 MAX_SORT_SHIFT = 31

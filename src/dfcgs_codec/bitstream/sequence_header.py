@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     LEVELS,
+    MAX_OPACITY_EXPONENT,
     MODEL_HASH_BYTES,
     LevelLimits,
     OutputOrder,
@@ -93,6 +94,10 @@ class UnitExponents:
         values = [reader.svarint() for _ in range(4)]
         if max(map(abs, values)) > _MAX_UNIT_EXPONENT:
             raise LimitExceeded(f"unit exponents {values} exceed +-{_MAX_UNIT_EXPONENT}", offset=offset)
+        if values[2] > MAX_OPACITY_EXPONENT:
+            raise LimitExceeded(
+                f"opacity unit exponent {values[2]} exceeds {MAX_OPACITY_EXPONENT}", offset=offset
+            )
         return UnitExponents(*values)
 
 

@@ -153,8 +153,12 @@ class SequenceDecoder:
             )
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
-        """Frames start..stop - 1, decoding from the GoF that holds `start`."""
-        stop = self.sequence.num_frames if stop is None else stop
+        """Frames start..stop - 1 as far as there are, decoding from the GoF that holds `start`."""
+        stop = self.sequence.num_frames if stop is None else min(stop, self.sequence.num_frames)
+        if start < 0 or stop < 0:
+            raise ValueError(f"frames {start}:{stop}: frames are counted from 0")
+        if start >= stop:
+            return
         expected, offset = 0, None
         if start > 0 or stop < self.sequence.num_frames:
             entry = [e for e in self.container.index().entries if e.first_frame <= start][-1]

@@ -132,7 +132,7 @@ def frequencies_from_levels(levels: Int64) -> Int64:
 
 MAX_HISTOGRAM_SIZE = 1024
 NUM_HISTOGRAM_CONTEXTS = 8
-_MAX_SHIFT = 29
+MAX_HISTOGRAM_SHIFT = 29
 
 
 @dataclass(frozen=True)
@@ -161,8 +161,8 @@ class HistogramLayout:
 def code_layout(coder: RangeCoder, layout: HistogramLayout | None) -> HistogramLayout:
     """The layout as side information."""
     minimum = code_signed(coder, layout.minimum if layout else None, STATE_LIMIT)
-    low_bits = code_count(coder, layout.low_bits if layout else None, _MAX_SHIFT)
+    low_bits = code_count(coder, layout.low_bits if layout else None, MAX_HISTOGRAM_SHIFT)
     size = code_count(coder, layout.size - 1 if layout else None, MAX_HISTOGRAM_SIZE - 1) + 1
     center = code_signed(coder, layout.guide_center if layout else None, STATE_LIMIT)
-    shift = code_count(coder, layout.guide_shift if layout else None, _MAX_SHIFT)
+    shift = code_count(coder, layout.guide_shift if layout else None, MAX_HISTOGRAM_SHIFT)
     return HistogramLayout(minimum, low_bits, size, center, shift)

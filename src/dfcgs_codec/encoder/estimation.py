@@ -13,6 +13,7 @@ import numpy.typing as npt
 from dfcgs_codec.codec.side_information import (
     ABSENT_LEVEL,
     EXPECTED_SCALE_RISE,
+    MAX_HISTOGRAM_SHIFT,
     MAX_HISTOGRAM_SIZE,
     NUM_HISTOGRAM_CONTEXTS,
     WEIGHT_FRACTION_BITS,
@@ -180,5 +181,5 @@ def fit_layout(values: Int64, guide: Int64 | None) -> HistogramLayout | None:
     tenth, middle, ninetieth = np.quantile(guide, [0.1, 0.5, 0.9], method="nearest").tolist()
     # few Gaussians get few contexts
     contexts = min(NUM_HISTOGRAM_CONTEXTS, max(1, len(values) // (64 * size)))
-    shift = max(0, int(np.ceil(np.log2(max(1.0, (ninetieth - tenth) / contexts)))))
-    return HistogramLayout(low, low_bits, size, middle, shift)
+    shift = int(np.ceil(np.log2(max(1.0, (ninetieth - tenth) / contexts))))
+    return HistogramLayout(low, low_bits, size, middle, min(shift, MAX_HISTOGRAM_SHIFT))

@@ -12,6 +12,7 @@ from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, QUALITIES, Bound
 from dfcgs_codec.errors import InputError
 
 MAX_GOF_SIZE = 1 << 16
+_MAX_RATE_TERM = 1 << 32
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,10 @@ class EncoderOptions:
             f"--gof-size {self.gof_size}: 1 to {MAX_GOF_SIZE} was expected": 1
             <= self.gof_size
             <= MAX_GOF_SIZE,
-            f"--fps {self.frame_rate}: a rate above 0 was expected": self.frame_rate > 0,
+            f"--fps {self.frame_rate}: above 0, with terms below 2**32, was expected": (
+                0 < self.frame_rate.numerator < _MAX_RATE_TERM
+                and self.frame_rate.denominator < _MAX_RATE_TERM
+            ),
             f"--jobs {self.jobs}: 1 or more was expected": self.jobs >= 1,
             f"zero_bin {self.zero_bin}: 0.5 to 1 was expected": 0.5 <= self.zero_bin <= 1.0,
         }

@@ -105,6 +105,19 @@ def _exponents(units: UnitExponents) -> dict[Attribute, int]:
     }
 
 
+def _limits(bounds: tuple[Bound, ...]) -> dict[Attribute, float]:
+    """Largest step of each bounded attribute; of several bounds the tightest."""
+    limits: dict[Attribute, float] = {}
+    for bound in bounds:
+        for attribute, step in bound.steps().items():
+            limits[attribute] = min(step, limits.get(attribute, step))
+    finest = 2.0 / (1 << STEREO_FRACTION_BITS)
+    if limits.get(Attribute.ROTATION, finest) < finest:
+        degrees = math.degrees(finest * 2 * math.sqrt(3))
+        raise InputError(f"--bound rotation: the tightest that can be guaranteed is {degrees:.4f} degrees")
+    return limits
+
+
 def plan_quantisation(
     qp: float, bounds: tuple[Bound, ...], first: GaussianCloud, reach: float
 ) -> Quantisation:
@@ -116,7 +129,7 @@ def plan_quantisation(
     factor = 2.0 ** ((qp - REFERENCE_QP) / QP_PER_OCTAVE)
     real = {attribute: step * factor for attribute, step in _REFERENCE_STEPS.items()}
     real[Attribute.POSITION] *= median_size(first)
-    limits = {attribute: step for bound in bounds for attribute, step in bound.steps().items()}
+    limits = _limits(bounds)
     real |= limits
     colours = (Attribute.SH_DC, *SH_BANDS)
     holding = math.ceil(math.log2(max(reach, 2.0**-60))) - 28

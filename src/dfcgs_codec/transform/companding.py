@@ -15,8 +15,6 @@ Int64 = npt.NDArray[np.int64]
 #: |logit| in sixteenths at which the slope doubles; alpha (1 - alpha) halves from one to the next
 KNOTS = (28, 42, 54, 66, 77, 88, 99)
 _KNOT_EXPONENT = -4
-#: the unit must divide the knots' distances by 2**7
-MAX_OPACITY_EXPONENT = _KNOT_EXPONENT - len(KNOTS)
 #: largest change of alpha per unit (real, not grid) of companded logit
 ALPHA_PER_UNIT = 0.262
 

@@ -1,0 +1,1056 @@
+"""A decoder written from bitstream_spec.md alone: plain Python integers, nothing from the package.
+
+It is slow and checks little; it exists to show that the text is complete. Functions carry the names of the
+text's pseudo-code, and comments cite its sections.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import struct
+import zlib
+from bisect import bisect_right
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import accumulate
+
+STATE_LIMIT = 2**29 - 1
+GAUSSIAN, LAPLACE, HEAVY = 0, 1, 2
+POSITION, SCALE, ROTATION, OPACITY, SH_DC = 0, 1, 2, 3, 4
+COLUMNS = (3, 3, 4, 1, 3, 9, 15, 21)
+Row = list[int]
+Matrix = list[list[int]]
+
+
+class Refused(Exception):
+    """The file does not conform."""
+
+
+def require(condition: bool) -> None:
+    if not condition:
+        raise Refused
+
+
+# --- 1.2 arithmetic ---------------------------------------------------------------------------------------
+
+
+def clip(a: int, low: int, high: int) -> int:
+    return min(max(a, low), high)
+
+
+def sign(a: int) -> int:
+    return (a > 0) - (a < 0)
+
+
+def round_divide(a: int, b: int) -> int:
+    return (2 * a + b) // (2 * b)
+
+
+def round_shift(a: int, n: int) -> int:
+    return (a + (1 << (n - 1))) >> n
+
+
+def unfold(u: int) -> int:
+    return u >> 1 if u % 2 == 0 else -(u >> 1) - 1
+
+
+# --- 2 fields ---------------------------------------------------------------------------------------------
+
+
+class Fields:
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.place = 0
+
+    def raw(self, count: int) -> bytes:
+        require(self.place + count <= len(self.data))
+        self.place += count
+        return self.data[self.place - count : self.place]
+
+    def u8(self) -> int:
+        return self.raw(1)[0]
+
+    def uvarint(self) -> int:
+        value = 0
+        for i in range(10):
+            byte = self.u8()
+            value |= (byte & 127) << 7 * i
+            if byte < 128:
+                require(not (byte == 0 and i > 0) and value < 2**64)
+                return value
+        raise Refused
+
+    def svarint(self) -> int:
+        return unfold(self.uvarint())
+
+
+def blake(data: bytes) -> bytes:
+    return hashlib.blake2b(data, digest_size=16).digest()
+
+
+# --- 10.4 to 10.6 models ----------------------------------------------------------------------------------
+
+
+class Model:
+    def __init__(self, cumulative: list[int]) -> None:
+        self.cumulative = cumulative
+        self.size = len(cumulative) - 1
+        require(cumulative[0] == 0 and cumulative[-1] == 1 << 24)
+
+    def frequencies(self) -> list[int]:
+        return [b - a for a, b in zip(self.cumulative, self.cumulative[1:], strict=False)]
+
+
+@cache
+def uniform(size: int) -> Model:
+    return Model([s * (2**24 // size) for s in range(size + 1)])
+
+
+def from_weights(w: Row) -> Model:
+    sums = [0, *accumulate(w)]
+    return Model([c * (2**24 - len(w)) // sums[-1] + s for s, c in enumerate(sums)])
+
+
+def from_cdf(c: Row) -> Model:
+    size = len(c) - 1
+    return Model([(c[s] * (2**24 - size) >> 32) + s for s in range(size)] + [2**24])
+
+
+SPLIT_ALPHAS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 256, 1024)
+TWICE_REACH = (11, 16, 24)
+# fmt: off
+INVERSE_SIGMAS = (
+    21137968, 18831788, 16777216, 14946800, 13316085, 11863283, 10568984, 9415894, 8388608, 7473400,
+    6658043, 5931642, 5284492, 4707947, 4194304, 3736700, 3329021, 2965821, 2642246, 2353974, 2097152,
+    1868350, 1664511, 1482910, 1321123, 1176987, 1048576, 934175, 832255, 741455, 660561, 588493, 524288,
+    467088, 416128, 370728, 330281, 294247, 262144, 233544, 208064, 185364, 165140, 147123, 131072,
+    116772, 104032, 92682, 82570, 73562, 65536, 58386, 52016, 46341, 41285, 36781, 32768, 29193, 26008,
+    23170, 20643, 18390, 16384, 14596,
+)
+# fmt: on
+
+
+@cache
+def normal() -> Row:
+    density = 0x662114CF50D942343F2CF1402EAE38BF
+    ratio = 0xFFFFF800001FFFFFAAAAAB5555544444
+    shrink = 0xFFFFF000007FFFFD55555FFFFFDDDDDE
+    values, total = [2**31], 0
+    for i in range(1, 9217):
+        following = density * ratio >> 128
+        ratio = ratio * shrink >> 128
+        total += density + following
+        values.append((2**127 + (total >> 11) + following * i // (12 * 1024**3) + 2**95) >> 96)
+        density = following
+    return values
+
+
+@cache
+def exponential() -> Row:
+    values, tail = [], 2**127
+    for _ in range(24577):
+        values.append((2**128 - tail + 2**95) >> 96)
+        tail = tail * 0xFFC007FF555FFF777D279E7B87ACECDF >> 128
+    return values
+
+
+def interpolate(master: Row, m: int) -> int:
+    i = min(m >> 10, len(master) - 2)
+    f = min(m - (i << 10), 1024)
+    return master[i] + ((master[i + 1] - master[i]) * f >> 10)
+
+
+def cdf(shape: int, scale: int, e: int) -> int:
+    if scale < 0:
+        m = (abs(e) * INVERSE_SIGMAS[scale + 6] >> 1) << 1
+    elif scale > 63:
+        m = (abs(e) * INVERSE_SIGMAS[scale - 6] >> 1) >> 1
+    else:
+        m = abs(e) * INVERSE_SIGMAS[scale] >> 1
+    if shape == LAPLACE:
+        m = m * 1482910 >> 20
+    value = interpolate(exponential() if shape == LAPLACE else normal(), m)
+    return value if e > 0 else 2**32 - value
+
+
+@cache
+def scale_model(shape: int, scale: int) -> Model:
+    k = min(511, 2 + (TWICE_REACH[shape] << 19) // INVERSE_SIGMAS[scale])
+    c = [0]
+    for s in range(1, 2 * k + 1):
+        e = 2 * (s - k) - 1
+        if shape == HEAVY:
+            c.append((cdf(LAPLACE, scale - 6, e) + cdf(LAPLACE, scale + 6, e)) >> 1)
+        else:
+            c.append(cdf(shape, scale, e))
+    return from_cdf([*c, 2**32])
+
+
+def split_scale(scale: int) -> tuple[int, int]:
+    if scale < 64:
+        return scale, 0
+    return 58 + (scale - 64) % 6, (scale - 64) // 6 + 1
+
+
+@cache
+def split_model(bias: int, count: int) -> Model:
+    a = SPLIT_ALPHAS[bias]
+    rising = [1]
+    for i in range(count):
+        rising.append(rising[-1] * (a + 8 * i))
+    w = [math.comb(count, k) * rising[k] * rising[count - k] for k in range(count + 1)]
+    total = sum(w)
+    return from_weights([(x << 30) // total for x in w])
+
+
+# --- 10 range decoder and what is made of its symbols -----------------------------------------------------
+
+
+class RangeDecoder:
+    """A stream (10.1 to 10.3)."""
+
+    def __init__(self, data: bytes) -> None:
+        require(len(data) % 4 == 0)
+        self.words = struct.unpack(f"<{len(data) // 4}I", data)
+        self.lower, self.range, self.next = 0, 2**64 - 1, 0
+        self.point = self.read_word() << 32
+        self.point |= self.read_word()
+
+    def read_word(self) -> int:
+        if self.next == len(self.words):
+            return 0
+        self.next += 1
+        return self.words[self.next - 1]
+
+    def decode(self, model: Model) -> int:
+        scale = self.range >> 24
+        quantile = ((self.point - self.lower) % 2**64) // scale
+        require(quantile < 2**24)
+        s = bisect_right(model.cumulative, quantile) - 1
+        start, stop = model.cumulative[s : s + 2]
+        self.lower = (self.lower + scale * start) % 2**64
+        self.range = scale * (stop - start)
+        if self.range < 2**32:
+            self.lower = (self.lower << 32) % 2**64
+            self.range <<= 32
+            self.point = (self.point << 32) % 2**64 | self.read_word()
+        return s
+
+    def finish(self) -> None:
+        require(self.next == len(self.words))
+        require(self.range == 2**64 - 1 or (self.point - self.lower) % 2**64 < 2**33 - 1)
+
+    def bits(self, width: int, count: int) -> Row:
+        values = [0] * count
+        for shift in range(0, width, 16):
+            model = uniform(2 ** min(16, width - shift))
+            for i in range(count):
+                values[i] |= self.decode(model) << shift
+        return values
+
+    def escapes(self, count: int) -> Row:
+        lengths = [self.decode(uniform(32)) for _ in range(count)]
+        values = [0] * count
+        for n in sorted(set(lengths)):
+            rows = [i for i in range(count) if lengths[i] == n]
+            for i, low in zip(rows, self.bits(n, len(rows)), strict=True):
+                values[i] = low + 2**n - 1
+        return values
+
+    def count_value(self, limit: int) -> int:
+        value = self.escapes(1)[0]
+        require(value <= limit)
+        return value
+
+    def signed_value(self, limit: int) -> int:
+        return unfold(self.count_value(2 * limit))
+
+    def grouped(self, contexts: Row, models: dict[int, Model]) -> Row:
+        values = [0] * len(contexts)
+        for i in grouped_order(contexts):
+            values[i] = self.decode(models[contexts[i]])
+        return values
+
+    def residuals(self, contexts: Row, tables: dict[int, int]) -> Row:
+        order = grouped_order(contexts)
+        values, escaped = [0] * len(contexts), []
+        low_bits = {}
+        for i in order:
+            shape, scale = divmod(tables[contexts[i]], 160)
+            base, low_bits[contexts[i]] = split_scale(scale)
+            model = scale_model(shape, base)
+            k = model.size // 2
+            values[i] = self.decode(model) - k
+            if abs(values[i]) == k:
+                escaped.append(i)
+        for i, excess in zip(escaped, self.escapes(len(escaped)), strict=True):
+            values[i] += sign(values[i]) * excess
+        for c in sorted(low_bits):
+            rows = [i for i in order if contexts[i] == c] if low_bits[c] else []
+            for i, low in zip(rows, self.bits(low_bits[c], len(rows)), strict=True):
+                values[i] = (values[i] << low_bits[c]) | low
+        return values
+
+    def flat(self, table: int, count: int) -> Row:
+        return self.residuals([0] * count, {0: table})
+
+    # 11.2, 11.3: side information
+
+    def read_weights(self, n: int) -> Row:
+        index = self.count_value(64)
+        if index == 64:
+            return [0] * n
+        w = self.flat(LAPLACE * 160 + index, n)
+        require(all(abs(x) <= 4096 for x in w))
+        return w
+
+    def read_tables(self, num_contexts: int) -> dict[int, int]:
+        first = self.count_value(num_contexts - 1)
+        n = self.count_value(num_contexts - 1 - first) + 1
+        shape_steps = self.flat(LAPLACE * 160 + 18, n)
+        start = self.flat(LAPLACE * 160 + 50, 1)[0]
+        scale_steps = self.flat(LAPLACE * 160 + 26, n - 1)
+        tables = dict.fromkeys(range(num_contexts), LAPLACE * 160 + 26)
+        shape, scale = LAPLACE, start + 26
+        for j in range(n):
+            shape += shape_steps[j]
+            if j > 0:
+                scale += scale_steps[j - 1] + 3
+            require(0 <= shape <= 2 and 0 <= scale <= 159)
+            tables[first + j] = shape * 160 + scale
+        return tables
+
+    def read_histograms(self, used: Row, size: int) -> dict[int, Model]:
+        index = self.count_value(63)
+        steps = iter(self.flat(LAPLACE * 160 + index, size * len(used)))
+        level, models = 0, {}
+        for c in used:
+            w = []
+            for _ in range(size):
+                level += next(steps)
+                require(0 <= level <= 63)
+                down = 62 - level
+                w.append(0 if level == 63 else (256, 304, 362, 431)[down % 4] << (down // 4))
+            require(any(w))
+            models[c] = from_weights(w)
+        return models
+
+
+def grouped_order(contexts: Row) -> Row:
+    return sorted(range(len(contexts)), key=lambda i: (contexts[i], i))
+
+
+def occurring(contexts: Row) -> Row:
+    return sorted(set(contexts))
+
+
+# --- 9 geometry -------------------------------------------------------------------------------------------
+
+
+def from_stereo(p: Row) -> Row:
+    p = [clip(c, -(2**18), 2**18) for c in p]
+    s = sum(c * c for c in p)
+    d = 2**36 + s
+    return [round_divide((2**36 - s) << 24, d)] + [round_divide(c << 43, d) for c in p]
+
+
+def multiply(a: Row, b: Row) -> Row:
+    w, x, y, z = a
+    s, i, j, k = b
+    return [
+        round_shift(w * s - x * i - y * j - z * k, 24),
+        round_shift(w * i + x * s + y * k - z * j, 24),
+        round_shift(w * j - x * k + y * s + z * i, 24),
+        round_shift(w * k + x * j - y * i + z * s, 24),
+    ]
+
+
+def normalise(a: Row) -> Row:
+    length = max(math.isqrt(sum(c * c for c in a)), 1)
+    return [round_divide(c << 24, length) for c in a]
+
+
+def num_lods(n: int) -> int:
+    count = 0
+    while count < 8 and n >> (count + 1) >= 32:
+        count += 1
+    return count
+
+
+@dataclass
+class Lods:
+    """Levels of detail of `count` rows; distance weights with `positions`, else equal ones (9.2)."""
+
+    count: int
+    positions: Matrix | None = None
+    _weights: dict[int, Row] = field(default_factory=dict)
+
+    @property
+    def base(self) -> range:
+        return range(0, self.count, 2 ** num_lods(self.count))
+
+    def levels(self) -> Iterator[tuple[range, Callable[[int], Row]]]:
+        """The rows of each level, and a function that gives the neighbours of a row."""
+        for lod in range(num_lods(self.count) - 1, -1, -1):
+            step = 2 ** (lod + 1)
+            last = (self.count - 1) // step
+
+            def neighbours(row: int, lod: int = lod, step: int = step, last: int = last) -> Row:
+                i = (row - 2**lod) // step
+                return [clip(i + k - 3, 0, last) * step for k in range(8)]
+
+            yield range(2**lod, self.count, step), neighbours
+
+    def weights(self, row: int, neighbours: Row) -> Row:
+        if self.positions is None:
+            return [32] * 8
+        if row not in self._weights:
+            self._weights[row] = distance_weights(
+                self.positions[row], [self.positions[n] for n in neighbours]
+            )
+        return self._weights[row]
+
+    def statistics(self, row: int, neighbours: Row, values: Row) -> tuple[int, int]:
+        weight = self.weights(row, neighbours)
+        mean = sum(values[n] * w for n, w in zip(neighbours, weight, strict=True))
+        middle = round_shift(mean, 8)
+        return mean, sum(abs(values[n] - middle) * w for n, w in zip(neighbours, weight, strict=True))
+
+
+def distance_weights(q: Row, neighbours: Matrix) -> Row:
+    inverse = []
+    for other in neighbours:
+        d = [min(abs(a - b), 1 << 20) for a, b in zip(other, q, strict=True)]
+        inverse.append(2**32 // (math.isqrt(sum(c * c for c in d)) + 1))
+    total = sum(inverse)
+    weight = [(x << 8) // total for x in inverse]
+    weight[inverse.index(max(inverse))] += 256 - sum(weight)
+    return weight
+
+
+# --- 11.2, 11.3 components --------------------------------------------------------------------------------
+
+
+def ladder(a: int, num_steps: int) -> int:
+    if a == 0:
+        return 0
+    b = a.bit_length()
+    return min(2 * b - 1 + (1 if a << 8 >= 181 << b else 0), num_steps - 1)
+
+
+def predicted_component(
+    stream: RangeDecoder, lods: Lods, features: Matrix, sources: Matrix
+) -> tuple[Row, Row]:
+    """Values and residuals of all rows."""
+    center = stream.signed_value(STATE_LIMIT)
+    weights = stream.read_weights(1 + len(features))
+    activity = stream.read_weights(2 + len(sources))
+    tables = stream.read_tables(32)
+    value, residual = [0] * lods.count, [0] * lods.count
+
+    def predict(row: int, mean: int) -> int:
+        learned = sum(f[row] * w for f, w in zip(features, weights[1:], strict=True))
+        return center + round_shift((mean - (center << 8)) * weights[0] + (learned << 8), 16)
+
+    def context(row: int, deviation: int) -> int:
+        own = activity[1] + sum(s[row] * w for s, w in zip(sources, activity[2:], strict=True))
+        return ladder(max((deviation * activity[0] + (own << 8)) >> 11, 0), 31)
+
+    def code_pass(rows: range, contexts: Row, predictions: Row) -> None:
+        for row, p, r in zip(rows, predictions, stream.residuals(contexts, tables), strict=True):
+            value[row], residual[row] = p + r, r
+
+    if not (weights[0] or activity[0]):
+        rows = range(lods.count)
+        code_pass(rows, [context(i, 0) for i in rows], [predict(i, center << 8) for i in rows])
+        return value, residual
+    code_pass(lods.base, [31] * len(lods.base), [predict(i, center << 8) for i in lods.base])
+    for rows, neighbours in lods.levels():
+        found = [lods.statistics(i, neighbours(i), value) for i in rows]
+        contexts = [context(i, deviation) for i, (_, deviation) in zip(rows, found, strict=True)]
+        code_pass(rows, contexts, [predict(i, mean) for i, (mean, _) in zip(rows, found, strict=True)])
+    return value, residual
+
+
+def histogram_component(stream: RangeDecoder, count: int, guide: Row | None) -> Row:
+    minimum = stream.signed_value(STATE_LIMIT)
+    low_bits = stream.count_value(29)
+    size = stream.count_value(1023) + 1
+    guide_center = stream.signed_value(STATE_LIMIT)
+    guide_shift = stream.count_value(29)
+    contexts = [0] * count
+    if guide is not None:
+        contexts = [clip((g - guide_center) >> guide_shift, -4, 3) + 4 for g in guide]
+    symbols = [0] * count
+    if size > 1:
+        symbols = stream.grouped(contexts, stream.read_histograms(occurring(contexts), size))
+    low = stream.bits(low_bits, count)
+    return [(s << low_bits | b) + minimum for s, b in zip(symbols, low, strict=True)]
+
+
+# --- 11.1 position tree -----------------------------------------------------------------------------------
+
+
+def split_small(stream: RangeDecoder, counts: Row) -> Row:
+    def of(count: int) -> int:
+        return 0 if count == 2 else 1 if count <= 4 else 2
+
+    bias = {c: stream.decode(uniform(16)) for c in occurring([of(count) for count in counts])}
+    return stream.grouped(counts, {c: split_model(bias[of(c)], c) for c in set(counts)})
+
+
+def split_large(stream: RangeDecoder, counts: Row) -> Row:
+    contexts = [c.bit_length() for c in counts]
+    tables = {b: GAUSSIAN * 160 + clip(6 * b + 11, 0, 159) for b in contexts}
+    return [r + (c >> 1) for r, c in zip(stream.residuals(contexts, tables), counts, strict=True)]
+
+
+def split(stream: RangeDecoder, counts: Row) -> Row:
+    lower = [0] * len(counts)
+    for group, code in (
+        ([i for i, c in enumerate(counts) if c <= 32], split_small),
+        ([i for i, c in enumerate(counts) if c > 32], split_large),
+    ):
+        for i, value in zip(group, code(stream, [counts[i] for i in group]), strict=True):
+            require(0 <= value <= counts[i])
+            lower[i] = value
+    return lower
+
+
+def sorted_keys(stream: RangeDecoder, count: int, key_bits: int) -> Row:
+    keys, remaining = [0] * count, [0] * count
+    cells = [(0, count, 0)]
+    for depth in range(key_bits, -1, -1):
+        for first, number, key in cells:
+            if number == 1:
+                keys[first], remaining[first] = key << depth, depth
+        cells = [cell for cell in cells if cell[1] > 1]
+        if depth == 0 or not cells:
+            break
+        lower = split(stream, [number for _, number, _ in cells])
+        halves = []
+        for (first, number, key), low in zip(cells, lower, strict=True):
+            halves += [(first, low, 2 * key), (first + low, number - low, 2 * key + 1)]
+        cells = [cell for cell in halves if cell[1] > 0]
+    for first, number, key in cells:
+        keys[first : first + number] = [key] * number
+    for d in occurring(remaining):
+        rows = [i for i in range(count) if remaining[i] == d]
+        for i, low in zip(rows, stream.bits(d, len(rows)), strict=True):
+            keys[i] |= low
+    return keys
+
+
+@dataclass
+class SortGrid:
+    shift: int
+    bits: int
+    origin: Row
+    has_excess: bool
+
+
+def position_tree(stream: RangeDecoder, count: int, grid: SortGrid) -> Matrix:
+    keys = sorted_keys(stream, count, 3 * grid.bits)
+    cells = [
+        [sum((key >> (3 * b + 2 - axis) & 1) << b for b in range(grid.bits)) for axis in range(3)]
+        for key in keys
+    ]
+    top = 2**grid.bits - 1
+    if grid.has_excess:
+        for axis in range(3):
+            at_low = [i for i in range(count) if cells[i][axis] == 0]
+            at_high = [i for i in range(count) if cells[i][axis] == top]
+            for i, below in zip(at_low, stream.escapes(len(at_low)), strict=True):
+                cells[i][axis] -= below
+            for i, above in zip(at_high, stream.escapes(len(at_high)), strict=True):
+                cells[i][axis] += above
+    low = stream.bits(grid.shift, 3 * count)
+    return [
+        [((cell[a] + grid.origin[a]) << grid.shift) | low[3 * i + a] for a in range(3)]
+        for i, cell in enumerate(cells)
+    ]
+
+
+# --- 11.4 coded I-frames ----------------------------------------------------------------------------------
+
+
+@dataclass
+class State:
+    planes: dict[int, Matrix]
+    order: Row | None = None
+    verbatim: dict[int, Matrix] | None = None
+
+    def hash(self) -> bytes:
+        """8.5."""
+        data = b"".join(digest(self.planes[a]) for a in sorted(self.planes))
+        if self.order is not None:
+            data += digest([[place] for place in self.order])
+        for patterns in (self.verbatim or {}).values():
+            data += b"".join(struct.pack(f"<{len(row)}I", *row) for row in patterns)
+        return blake(data)
+
+
+def digest(plane: Matrix) -> bytes:
+    return blake(b"".join(struct.pack(f"<{len(row)}i", *row) for row in plane))
+
+
+def permutation(stream: RangeDecoder, lods: Lods) -> Row:
+    value, _ = predicted_component(stream, lods, [], [])
+    require(sorted(value) == list(range(lods.count)))
+    return value
+
+
+def transposed(columns: Matrix) -> Matrix:
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def chosen_components(stream: RangeDecoder, lods: Lods, count: int, guide: Row | None) -> Matrix:
+    columns: Matrix = []
+    residuals: Matrix = []
+    for _ in range(count):
+        if stream.decode(uniform(2)):
+            columns.append(histogram_component(stream, lods.count, guide))
+        else:
+            sources = [[abs(r) for r in residual] for residual in residuals]
+            value, residual = predicted_component(stream, lods, residuals, sources)
+            columns.append(value)
+            residuals.append(residual)
+        guide = columns[-1]
+    return columns
+
+
+def axis_flip(q: Row, f: int) -> Row:
+    """9.4."""
+    w, x, y, z = q
+    return [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]][f]
+
+
+def scaled(symbols: Matrix, step: int) -> Matrix:
+    return [[value * step for value in row] for row in symbols]
+
+
+def in_range(plane: Matrix) -> Matrix:
+    require(all(abs(value) <= STATE_LIMIT for row in plane for value in row))
+    return plane
+
+
+def coded_intra(
+    streams: Iterator[RangeDecoder], n: int, steps: dict[int, int], coding: tuple[SortGrid, bool]
+) -> tuple[State, Matrix]:
+    grid, has_permutation = coding
+    positions = position_tree(next(streams), n, grid)
+    lods = Lods(n, positions)
+    order = permutation(next(streams), lods) if has_permutation else None
+    planes = {POSITION: in_range(scaled(positions, steps[POSITION]))}
+    hint: Row = []
+    scale_0: Row = []
+    residuals: Matrix = []
+    for attribute in sorted(steps)[1:]:
+        stream = next(streams)
+        if attribute == SCALE:
+            columns = chosen_components(stream, lods, 3, None)
+            scale_0, hint = columns[0], [sum(row) for row in transposed(columns)]
+        elif attribute == ROTATION:
+            flips = stream.grouped([0] * n, stream.read_histograms([0], 4))
+            vectors = transposed(chosen_components(stream, lods, 3, None))
+            planes[ROTATION] = [
+                axis_flip(from_stereo(r), f)
+                for r, f in zip(scaled(vectors, steps[ROTATION]), flips, strict=True)
+            ]
+            continue
+        elif attribute == OPACITY:
+            columns = chosen_components(stream, lods, 1, scale_0)
+        else:
+            columns = []
+            for _ in range(COLUMNS[attribute]):
+                sources = [[abs(r) for r in residual] for residual in residuals] + [hint]
+                value, residual = predicted_component(stream, lods, residuals, sources)
+                columns.append(value)
+                residuals.append(residual)
+        planes[attribute] = in_range(scaled(transposed(columns), steps[attribute]))
+    return State(planes, order), positions
+
+
+# --- 12 P-frames ------------------------------------------------------------------------------------------
+
+CLASS_MIDDLES = (0, 1, 2, 2, 3, 5, 7, 10, 13, 19, 27, 38, 54, 76, 108, 152, 215, 304, 431, 609)
+CLASS_MIDDLES += (861, 1218, 1722, 2435)
+
+
+@dataclass
+class Activity:
+    symbols: Matrix
+    density: Row
+    magnitude: Row
+
+    def significant(self, row: int) -> bool:
+        return any(self.symbols[row])
+
+
+def magnitudes(stream: RangeDecoder, density: Row, before: Row) -> Row:
+    """12.3."""
+    blocks = [b for b, d in enumerate(density) if d > 0]
+    magnitude = [0] * len(density)
+    if blocks:
+        contexts = [density[b] + (4 if before[b] > 0 else 0) for b in blocks]
+        tables = stream.read_tables(8)
+        for b, r in zip(blocks, stream.residuals(contexts, tables), strict=True):
+            magnitude[b] = clip(before[b] + r, 0, 23)
+    return magnitude
+
+
+def coded_rows(stream: RangeDecoder, density: Row, before: Activity, beside: Activity) -> Row:
+    """12.4; `density` of each Gaussian's block."""
+    rows = [i for i, d in enumerate(density) if d in (1, 2)]
+    coded = [i for i, d in enumerate(density) if d == 3]
+    if rows:
+        contexts = [4 * density[i] + 2 * before.significant(i) + beside.significant(i) for i in rows]
+        flags = stream.grouped(contexts, stream.read_histograms(occurring(contexts), 2))
+        coded += [i for i, flag in zip(rows, flags, strict=True) if flag]
+    return sorted(coded)
+
+
+def inter_attribute(
+    stream: RangeDecoder, gof: Lods, history: tuple[Activity, Activity], block_log2: int
+) -> Activity:
+    before, beside = history
+    contexts = [4 * d + e for d, e in zip(before.density, beside.density, strict=True)]
+    density = stream.grouped(contexts, stream.read_histograms(occurring(contexts), 4))
+    magnitude = magnitudes(stream, density, before.magnitude)
+    n, num_columns = len(before.symbols), len(before.symbols[0])
+    block = [i >> block_log2 for i in range(n)]
+    rows = coded_rows(stream, [density[b] for b in block], before, beside)
+    lods = gof if len(rows) == n else Lods(len(rows))
+    old = [before.symbols[i] for i in rows]
+    hints = [
+        [CLASS_MIDDLES[magnitude[block[i]]] for i in rows],
+        [sum(abs(s) for s in symbols) for symbols in old],
+    ]
+    columns: Matrix = []
+    residuals: Matrix = []
+    for c in range(num_columns):
+        features = [*residuals, [symbols[c] for symbols in old]]
+        sources = [[abs(r) for r in residual] for residual in residuals] + hints
+        value, residual = predicted_component(stream, lods, features, sources)
+        columns.append(value)
+        residuals.append(residual)
+    symbols = [[0] * num_columns for _ in range(n)]
+    for j, i in enumerate(rows):
+        symbols[i] = [column[j] for column in columns]
+    return Activity(symbols, density, magnitude)
+
+
+def reconstruct_inter(activity: dict[int, Activity], steps: dict[int, int], reference: State) -> State:
+    """9.3."""
+    planes = dict(reference.planes)
+    for attribute, found in activity.items():
+        plane, step = planes[attribute], steps[attribute]
+        if attribute == ROTATION:
+            planes[attribute] = [
+                normalise(multiply(q, from_stereo([c * step for c in r]))) if any(r) else q
+                for q, r in zip(plane, found.symbols, strict=True)
+            ]
+        else:
+            changes = scaled(found.symbols, step)
+            planes[attribute] = in_range(
+                [[a + b for a, b in zip(*rows, strict=True)] for rows in zip(plane, changes, strict=True)]
+            )
+    return State(planes, reference.order)
+
+
+# --- 13 verbatim I-frames ---------------------------------------------------------------------------------
+
+
+def float_column(stream: RangeDecoder, n: int) -> Row:
+    """Bit patterns."""
+    pattern, contexts = [0] * n, [0] * n
+    for shift in (24, 16, 8, 0):
+        if stream.decode(uniform(2)) == 0:
+            plane = stream.bits(8, n)
+        else:
+            plane = stream.grouped(contexts, stream.read_histograms(occurring(contexts), 256))
+        pattern = [p | byte << shift for p, byte in zip(pattern, plane, strict=True)]
+        contexts = [0] * n
+        if shift == 24:
+            center = stream.decode(uniform(256))
+            contexts = [clip((byte & 127) - center, -4, 3) + 4 for byte in plane]
+    return pattern
+
+
+def float_of(pattern: int) -> float:
+    return struct.unpack("<f", struct.pack("<I", pattern))[0]
+
+
+def to_grid(value: float, exponent: int) -> int:
+    # Python's round goes to even; scaling by a power of two is exact in binary64
+    return clip(round(math.ldexp(value, -exponent)), -STATE_LIMIT, STATE_LIMIT)
+
+
+KNOTS = (28, 42, 54, 66, 77, 88, 99)
+
+
+def opacity_knots(e: int) -> tuple[Row, Row]:
+    """8.3."""
+    logit_knots, companded_knots = [0], [0]
+    for i in range(1, 8):
+        logit_knots.append(KNOTS[i - 1] << (-4 - e))
+        companded_knots.append(companded_knots[-1] + ((logit_knots[i] - logit_knots[i - 1]) >> (i - 1)))
+    return logit_knots, companded_knots
+
+
+def compress(v: int, e: int) -> int:
+    logit_knots, companded_knots = opacity_knots(e)
+    zone = sum(knot <= abs(v) for knot in logit_knots[1:])
+    half = (1 << zone) >> 1
+    return sign(v) * (companded_knots[zone] + ((abs(v) - logit_knots[zone] + half) >> zone))
+
+
+def expand(c: int, e: int) -> int:
+    logit_knots, companded_knots = opacity_knots(e)
+    zone = sum(knot <= abs(c) for knot in companded_knots[1:])
+    return sign(c) * (logit_knots[zone] + ((abs(c) - companded_knots[zone]) << zone))
+
+
+def float_quaternion(row: list[float]) -> Row:
+    exponent = math.frexp(max(abs(c) for c in row))[1]
+    return normalise([round(math.ldexp(c, 24 - exponent)) for c in row])
+
+
+def verbatim_state(patterns: dict[int, Matrix], exponents: dict[int, int]) -> dict[int, Matrix]:
+    planes = {}
+    for attribute, rows in patterns.items():
+        values = [[float_of(p) for p in row] for row in rows]
+        e = exponents[min(attribute, SH_DC)]
+        if attribute == ROTATION:
+            planes[attribute] = [float_quaternion(row) for row in values]
+        elif attribute == OPACITY:
+            planes[attribute] = [[compress(to_grid(row[0], e), e)] for row in values]
+        else:
+            planes[attribute] = [[to_grid(value, e) for value in row] for row in values]
+    return planes
+
+
+def verbatim_intra(
+    streams: Iterator[RangeDecoder], n: int, attributes: Row, coding: tuple[dict[int, int], bool]
+) -> State:
+    exponents, has_permutation = coding
+    patterns: dict[int, Matrix] = {}
+    order = None
+    for attribute in attributes:
+        stream = next(streams)
+        patterns[attribute] = transposed([float_column(stream, n) for _ in range(COLUMNS[attribute])])
+        if attribute == POSITION and has_permutation:
+            order = permutation(next(streams), Lods(n))
+    return State(verbatim_state(patterns, exponents), order, patterns)
+
+
+# --- 3 to 7 files -----------------------------------------------------------------------------------------
+
+
+@dataclass
+class Sequence:
+    sh_degree: int
+    num_frames: int
+    frame_numbers: Row
+    exponents: dict[int, int]
+
+    @property
+    def attributes(self) -> Row:
+        return list(range(SH_DC + 1 + self.sh_degree))
+
+
+@dataclass
+class Frame:
+    index: int
+    frame_hash: bytes
+    state: State
+    sequence: Sequence
+
+    def output(self) -> dict[str, list[float]]:
+        """8.4: float32 values of each PLY property, in output order."""
+        return output(self.state, self.sequence)
+
+
+def sequence_header(fields: Fields) -> Sequence:
+    version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
+    require(version == 1 and profile == 0 and level in (1, 2, 3) and sh_degree <= 3 and order <= 2)
+    num_frames = fields.uvarint()
+    fields.uvarint()
+    require(num_frames > 0 and fields.uvarint() > 0)
+    numbers: Row = []
+    end = 0
+    for _ in range(fields.uvarint()):
+        first = end + fields.uvarint()
+        end = first + fields.uvarint() + 1
+        numbers += range(first, end)
+    require(len(numbers) == num_frames)
+    position, scale, opacity, color = (fields.svarint() for _ in range(4))
+    require(fields.uvarint() == 0 and fields.place == len(fields.data))
+    exponents = {POSITION: position, SCALE: scale, ROTATION: -24, OPACITY: opacity, SH_DC: color}
+    return Sequence(sh_degree, num_frames, numbers, exponents)
+
+
+def chunks(data: bytes) -> Iterator[tuple[int, int, Fields]]:
+    """Type, frame index and payload of each chunk."""
+    require(data[:8] == bytes.fromhex("894447530d0a1a0a"))
+    fields = Fields(data)
+    fields.place = 8
+    kind = 0
+    while kind != 0x7F:
+        start = fields.place
+        kind, frame_index, length = fields.u8(), fields.uvarint(), fields.uvarint()
+        payload = fields.raw(length)
+        crc = zlib.crc32(data[start : fields.place])
+        require(fields.raw(4) == struct.pack("<I", crc))
+        if kind in (0x01, 0x10, 0x20, 0x24, 0x7E, 0x7F):
+            yield kind, frame_index, Fields(payload)
+        else:
+            require(kind & 0x80 != 0)
+    require(fields.place == len(data))
+
+
+def open_streams(fields: Fields, count: int) -> Iterator[RangeDecoder]:
+    lengths = [fields.uvarint() for _ in range(count)]
+    for length in lengths:
+        stream = RangeDecoder(fields.raw(length))
+        yield stream
+        stream.finish()
+    require(fields.place == len(fields.data))
+
+
+def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, State, Matrix]:
+    """Hash, state, anchor positions."""
+    frame_hash, kind = fields.raw(16), fields.u8()
+    n, has_permutation = fields.uvarint(), bool(fields.u8())
+    count = len(sequence.attributes) + has_permutation
+    if kind == 1:
+        shift, bits = fields.u8(), fields.u8()
+        origin = [fields.svarint() for _ in range(3)]
+        grid = SortGrid(shift, bits, origin, bool(fields.u8()))
+        steps = {attribute: fields.uvarint() for attribute in sequence.attributes}
+        streams = open_streams(fields, count)
+        state, anchors = coded_intra(streams, n, steps, (grid, has_permutation))
+    else:
+        require(kind == 0)
+        streams = open_streams(fields, count)
+        coding = (sequence.exponents, has_permutation)
+        state = verbatim_intra(streams, n, sequence.attributes, coding)
+        anchors = state.planes[POSITION]
+    require(next(streams, None) is None)
+    return frame_hash, state, anchors
+
+
+class Decoder:
+    """Frames of a file, from its beginning."""
+
+    def __init__(self, data: bytes) -> None:
+        self._chunks = chunks(data)
+        kind, _, fields = next(self._chunks)
+        require(kind == 0x01)
+        self.sequence = sequence_header(fields)
+        self._state = State({})
+        self._history: dict[int, Activity] = {}
+        self._gof = Lods(0)
+
+    def frames(self) -> Iterator[Frame]:
+        expected = 0
+        for kind, frame_index, fields in self._chunks:
+            if kind in (0x7E, 0x7F):
+                continue
+            require(frame_index == expected)
+            if kind == 0x10:
+                frame_hash, self._state, anchors = intra_frame(fields, self.sequence)
+                self._gof = Lods(len(anchors), anchors)
+                self._history = {}
+            else:
+                require(kind == 0x20 and expected > 0)
+                frame_hash = self._inter_frame(fields, frame_index)
+            yield Frame(frame_index, frame_hash, self._state, self.sequence)
+            expected += 1
+        require(expected == self.sequence.num_frames)
+
+    def _inter_frame(self, fields: Fields, frame_index: int) -> bytes:
+        frame_hash, mask = fields.raw(16), fields.u8()
+        attributes = [a for a in self.sequence.attributes if mask >> a & 1]
+        require(mask < 1 << len(self.sequence.attributes))
+        activity: dict[int, Activity] = {}
+        steps: dict[int, int] = {}
+        if mask:
+            block_log2 = fields.u8()
+            steps = {attribute: fields.uvarint() for attribute in attributes}
+            kind, index, residual = next(self._chunks)
+            require(kind == 0x24 and index == frame_index)
+            activity = self._residual(residual, attributes, block_log2)
+        require(fields.place == len(fields.data))
+        self._history = activity
+        self._state = reconstruct_inter(activity, steps, self._state)
+        return frame_hash
+
+    def _residual(self, fields: Fields, attributes: Row, block_log2: int) -> dict[int, Activity]:
+        n = len(self._state.planes[POSITION])
+        num_blocks = -(-n >> block_log2)
+
+        def nothing(num_columns: int) -> Activity:
+            zeros = [0] * num_blocks
+            return Activity([[0] * num_columns for _ in range(n)], zeros, zeros)
+
+        activity: dict[int, Activity] = {}
+        beside = nothing(1)
+        streams = open_streams(fields, len(attributes))
+        for attribute, stream in zip(attributes, streams, strict=True):
+            before = self._history.get(attribute)
+            if before is None or len(before.density) != num_blocks:
+                before = nothing(3 if attribute == ROTATION else COLUMNS[attribute])
+            beside = inter_attribute(stream, self._gof, (before, beside), block_log2)
+            activity[attribute] = beside
+        return activity
+
+
+# --- 8.4 output -------------------------------------------------------------------------------------------
+
+
+def to_float32(value: int, exponent: int) -> float:
+    return struct.unpack("<f", struct.pack("<f", math.ldexp(value, exponent)))[0]
+
+
+def float_planes(state: State, sequence: Sequence) -> dict[int, list[list[float]]]:
+    if state.verbatim is not None:
+        return {a: [[float_of(p) for p in row] for row in rows] for a, rows in state.verbatim.items()}
+    planes = {}
+    for attribute, rows in state.planes.items():
+        e = sequence.exponents[min(attribute, SH_DC)]
+        if attribute == OPACITY:
+            rows = [[expand(row[0], e)] for row in rows]
+        planes[attribute] = [[to_float32(value, e) for value in row] for row in rows]
+    return planes
+
+
+def output(state: State, sequence: Sequence) -> dict[str, list[float]]:
+    planes = float_planes(state, sequence)
+    names = {
+        POSITION: ["x", "y", "z"],
+        SCALE: ["scale_0", "scale_1", "scale_2"],
+        ROTATION: ["rot_0", "rot_1", "rot_2", "rot_3"],
+        OPACITY: ["opacity"],
+        SH_DC: ["f_dc_0", "f_dc_1", "f_dc_2"],
+    }
+    columns = {
+        name: [row[c] for row in planes[attribute]]
+        for attribute, group in names.items()
+        for c, name in enumerate(group)
+    }
+    coefficients = (0, 3, 8, 15)
+    total = coefficients[sequence.sh_degree]
+    for channel in range(3):
+        for m in range(total):
+            band = 1 if m < 3 else 2 if m < 8 else 3
+            k = m - coefficients[band - 1]
+            columns[f"f_rest_{channel * total + m}"] = [row[3 * k + channel] for row in planes[SH_DC + band]]
+    if state.order is None:
+        return columns
+    places = state.order
+    return {
+        name: [v for _, v in sorted(zip(places, values, strict=True))] for name, values in columns.items()
+    }

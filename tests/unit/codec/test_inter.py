@@ -1,0 +1,147 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.codec.inter import (
+    DENSE,
+    NUM_MAGNITUDES,
+    AttributeActivity,
+    InterShape,
+    InterSymbols,
+    classify_blocks,
+    code_inter,
+    nonzero_rows,
+    num_blocks,
+    num_inter_columns,
+    row_sums,
+)
+from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.transform.lod import GofLevels
+from tests.helpers import make_cloud
+
+ATTRIBUTES = [Attribute.POSITION, Attribute.ROTATION, Attribute.OPACITY, Attribute.SH_1]
+
+
+def shape_of(count: int, block_log2: int, attributes: list[Attribute]) -> InterShape:
+    positions = np.rint(make_cloud(count).positions * 1000).astype(np.int64)
+    return InterShape(attributes, count, block_log2, GofLevels(positions))
+
+
+def random_symbols(shape: InterShape, share: float, size: float, seed: int = 0) -> InterSymbols:
+    """`share` of the Gaussians, at least one, have symbols of magnitude about `size`."""
+    rng = np.random.default_rng(seed)
+    activity = {}
+    for attribute in shape.attributes:
+        like = (shape.num_gaussians, num_inter_columns(attribute))
+        symbols = np.rint(rng.normal(size=like) * size).astype(np.int64)
+        symbols[rng.random(shape.num_gaussians) >= share] = 0
+        symbols[rng.integers(shape.num_gaussians), 0] = 1
+        activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols, shape.block_log2))
+    return InterSymbols(activity)
+
+
+def write(symbols: InterSymbols, history: InterSymbols, shape: InterShape) -> list[bytes]:
+    writers: list[SymbolWriter] = []
+
+    def open_writer() -> SymbolWriter:
+        writers.append(SymbolWriter())
+        return writers[-1]
+
+    code_inter(open_writer, symbols, history, shape)
+    return [writer.getvalue() for writer in writers]
+
+
+def read(streams: list[bytes], history: InterSymbols, shape: InterShape) -> InterSymbols:
+    readers = [SymbolReader(stream) for stream in streams]
+    rest = iter(readers)
+    found = code_inter(lambda: next(rest), None, history, shape)
+    for reader in readers:
+        reader.finish()
+    return found
+
+
+def check(symbols: InterSymbols, history: InterSymbols, shape: InterShape) -> int:
+    """Symbols and block classes survive, for the next frame's contexts need both; returns bytes."""
+    streams = write(symbols, history, shape)
+    found = read(streams, history, shape)
+    assert list(found.activity) == shape.attributes
+    for attribute, expected in symbols.activity.items():
+        for name in ("symbols", "density", "magnitude"):
+            assert np.array_equal(getattr(found.activity[attribute], name), getattr(expected, name))
+    return sum(map(len, streams))
+
+
+@pytest.mark.parametrize("count", [1, 2, 33, 64, 65, 700])
+@pytest.mark.parametrize("share", [0.03, 0.3, 0.9, 1.0])
+def test_round_trip(count: int, share: float) -> None:
+    shape = shape_of(count, 6, ATTRIBUTES)
+    before, now = random_symbols(shape, share, 3, 1), random_symbols(shape, share, 5, 2)
+    check(now, InterSymbols(), shape)
+    check(now, before, shape)
+
+
+@settings(max_examples=25)
+@given(st.data())
+def test_any_frame(data: st.DataObject) -> None:
+    count, block_log2 = data.draw(st.integers(1, 80)), data.draw(st.integers(3, 12))
+    attributes = sorted(data.draw(st.sets(st.sampled_from(list(Attribute)), min_size=1)))
+    share, size = data.draw(st.floats(0, 1)), data.draw(st.sampled_from([0.4, 2, 1e3, 1e7]))
+    shape = shape_of(count, block_log2, attributes)
+    before = random_symbols(shape_of(count, block_log2, ATTRIBUTES), 1 - share, size, 3)
+    check(random_symbols(shape, share, size, 4), before, shape)
+
+
+def test_a_single_symbol_costs_little() -> None:
+    shape = shape_of(5000, 6, [Attribute.POSITION])
+    assert check(random_symbols(shape, 0, 1), InterSymbols(), shape) <= 60
+
+
+def test_what_stands_still_is_not_paid_for() -> None:
+    shape = shape_of(6400, 6, [Attribute.POSITION])
+    moving = random_symbols(shape, 1.0, 5)
+    part = moving.activity[Attribute.POSITION].symbols.copy()
+    part[640:] = 0
+    few = InterSymbols({Attribute.POSITION: AttributeActivity(part, *classify_blocks(part, 6))})
+    assert check(few, InterSymbols(), shape) < 0.12 * check(moving, InterSymbols(), shape)
+
+
+def test_the_previous_frame_helps() -> None:
+    shape = shape_of(3000, 6, [Attribute.POSITION])
+    before = random_symbols(shape, 1.0, 20)
+    symbols = before.activity[Attribute.POSITION].symbols + 1
+    now = InterSymbols({Attribute.POSITION: AttributeActivity(symbols, *classify_blocks(symbols, 6))})
+    assert check(now, before, shape) < 0.2 * check(now, InterSymbols(), shape)
+
+
+@given(st.integers(1, 300), st.integers(3, 6), st.floats(0, 1), st.integers(0, 99))
+def test_block_classes(count: int, block_log2: int, share: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    symbols = rng.integers(-3, 4, (count, 3)) * (rng.random((count, 1)) < share)
+    density, magnitude = classify_blocks(symbols, block_log2)
+    assert len(density) == len(magnitude) == num_blocks(count, block_log2)
+    significant = symbols.any(axis=1)
+    for block in range(len(density)):
+        rows = significant[block << block_log2 : (block + 1) << block_log2]
+        # a block without symbols may be dense where nearly everything is, never the other way round
+        assert rows.any() <= (density[block] > 0)
+        assert rows.all() <= (density[block] == DENSE)
+        assert rows.any() >= (magnitude[block] > 0)
+    assert magnitude.max() < NUM_MAGNITUDES
+
+
+def test_activity_of_nothing() -> None:
+    none = AttributeActivity.none(5, 3, 2)
+    assert not none.symbols.any()
+    assert not none.significant().any()
+    assert none.density.shape == (2,)
+
+
+def test_row_functions() -> None:
+    rows = np.array([[0, 0, 0], [1, -1, 0], [0, 0, 7]])
+    assert row_sums(rows).tolist() == [0, 0, 7]
+    assert nonzero_rows(rows).tolist() == [False, True, True]

@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols, classify_blocks
+from dfcgs_codec.codec.intra import IntraSymbols
+from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
+from dfcgs_codec.codec.verbatim import state_of
+from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.transform.rotation import ONE, STEREO_ONE
+from tests.helpers import make_cloud
+
+UNITS = UnitExponents(-12, -12, -12, -12)
+
+
+def activity(symbols: np.ndarray) -> AttributeActivity:
+    return AttributeActivity(symbols, *classify_blocks(symbols, 6))
+
+
+def reference(count: int = 30) -> FrameState:
+    return FrameState(state_of(make_cloud(count, 1), UNITS).planes)
+
+
+def some_rows(count: int, columns: int, every: int) -> np.ndarray:
+    symbols = np.zeros((count, columns), np.int64)
+    symbols[::every] = np.random.default_rng(0).integers(1, 9, (len(range(0, count, every)), columns))
+    return symbols
+
+
+def test_intra_multiplies_by_the_step() -> None:
+    values = np.array([[1, -2, 3], [0, 5, -7]])
+    state = reconstruct_intra(IntraSymbols({Attribute.SCALE: values}), {Attribute.SCALE: 13})
+    assert np.array_equal(state.planes[Attribute.SCALE].values, values * 13)
+    assert state.order is None
+
+
+def test_intra_rotations_are_unit_quaternions_in_four_cells() -> None:
+    rng = np.random.default_rng(0)
+    vectors = rng.integers(-400, 401, (400, 3))
+    symbols = np.concatenate([np.arange(400)[:, None] % 4, vectors], axis=1)
+    steps = {Attribute.ROTATION: STEREO_ONE // 2000}
+    found = reconstruct_intra(IntraSymbols({Attribute.ROTATION: symbols}), steps)
+    quaternions = found.planes[Attribute.ROTATION].wide()
+    assert np.abs(np.sqrt((quaternions**2).sum(axis=1)) / ONE - 1).max() < 2.0**-22
+    assert np.array_equal(np.abs(quaternions).argmax(axis=1), symbols[:, 0])
+
+
+def test_intra_keeps_the_permutation() -> None:
+    order = np.array([2, 0, 1])
+    state = reconstruct_intra(
+        IntraSymbols({Attribute.SCALE: np.zeros((3, 3), np.int64)}, order), {Attribute.SCALE: 1}
+    )
+    assert state.order.values[:, 0].tolist() == [2, 0, 1]
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_values_beyond_the_state_are_corrupt(sign: int) -> None:
+    step = {Attribute.SCALE: STATE_LIMIT}
+    reconstruct_intra(IntraSymbols({Attribute.SCALE: np.full((1, 3), sign)}), step)
+    with pytest.raises(CorruptBitstream, match="range of the state"):
+        reconstruct_intra(IntraSymbols({Attribute.SCALE: np.full((1, 3), 2 * sign)}), step)
+
+
+def test_inter_beyond_the_state_is_corrupt() -> None:
+    full = FrameState({Attribute.SCALE: Plane(np.full((4, 3), STATE_LIMIT))})
+    symbols = InterSymbols({Attribute.SCALE: activity(some_rows(4, 3, 2))})
+    with pytest.raises(CorruptBitstream, match="range of the state"):
+        reconstruct_inter(symbols, {Attribute.SCALE: 1}, full)
+
+
+def test_inter_adds_symbols_times_step() -> None:
+    before, symbols = reference(), some_rows(30, 3, 4)
+    after = reconstruct_inter(
+        InterSymbols({Attribute.POSITION: activity(symbols)}), {Attribute.POSITION: 9}, before
+    )
+    difference = after.planes[Attribute.POSITION].wide() - before.planes[Attribute.POSITION].wide()
+    assert np.array_equal(difference, symbols * 9)
+
+
+def test_attributes_without_symbols_are_the_reference_itself() -> None:
+    before = reference()
+    symbols = InterSymbols({Attribute.POSITION: activity(some_rows(30, 3, 4))})
+    after = reconstruct_inter(symbols, {Attribute.POSITION: 9}, before)
+    for attribute in (Attribute.SCALE, Attribute.ROTATION, Attribute.OPACITY, Attribute.SH_1):
+        assert after.planes[attribute] is before.planes[attribute]
+    assert reconstruct_inter(InterSymbols(), {}, before).hash() == before.hash()
+
+
+def test_rows_without_symbols_keep_their_bits_for_300_frames() -> None:
+    before = state = reference(200)
+    turn = some_rows(200, 3, 5)
+    for _ in range(300):
+        activities = {Attribute.ROTATION: activity(turn), Attribute.POSITION: activity(turn)}
+        steps = {Attribute.ROTATION: 700, Attribute.POSITION: 3}
+        state = reconstruct_inter(InterSymbols(activities), steps, state)
+    still = ~turn.any(axis=1)
+    for attribute in (Attribute.ROTATION, Attribute.POSITION):
+        first, last = before.planes[attribute].values, state.planes[attribute].values
+        assert np.array_equal(first[still], last[still])
+        assert (first[~still] != last[~still]).any(axis=1).all()
+
+
+def test_turns_keep_unit_length() -> None:
+    state = reference(200)
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        symbols = InterSymbols({Attribute.ROTATION: activity(rng.integers(-99, 99, (200, 3)))})
+        state = reconstruct_inter(symbols, {Attribute.ROTATION: 500}, state)
+    length = np.sqrt((state.planes[Attribute.ROTATION].wide() ** 2).sum(axis=1))
+    assert np.abs(length / ONE - 1).max() < 2.0**-22
+
+
+def test_a_p_frame_keeps_the_order_and_drops_the_verbatim_floats() -> None:
+    first = state_of(make_cloud(4), UNITS)
+    before = FrameState(first.planes, Plane(np.arange(4)[::-1, None].copy()), first.verbatim)
+    after = reconstruct_inter(InterSymbols(), {}, before)
+    assert after.order is before.order
+    assert after.verbatim is None

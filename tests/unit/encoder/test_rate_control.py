@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
+from dfcgs_codec.encoder.rate_control import (
+    BOUND_UNITS,
+    MAX_QP,
+    QUALITIES,
+    Bound,
+    Quantisation,
+    median_size,
+    plan_quantisation,
+)
+from dfcgs_codec.errors import InputError
+from tests.helpers import make_cloud
+
+CLOUD = make_cloud(200, 3)
+
+
+def real_steps(quantisation: Quantisation) -> dict[Attribute, float]:
+    """Steps in the attributes' own units."""
+    units = quantisation.units
+    exponents = {
+        Attribute.POSITION: units.position,
+        Attribute.SCALE: units.scale,
+        Attribute.ROTATION: -18,
+        Attribute.OPACITY: units.opacity,
+    }
+    return {a: step * 2.0 ** exponents.get(a, units.color) for a, step in quantisation.steps.items()}
+
+
+def plan(qp: float = 28, *bounds: Bound, reach: float = 100.0) -> Quantisation:
+    return plan_quantisation(qp, bounds, CLOUD, reach)
+
+
+def test_the_step_doubles_every_six_qp() -> None:
+    for coarse, fine in itertools.pairwise(real_steps(plan(qp)) for qp in (46, 40, 34, 28, 22, 16, 10)):
+        for attribute in Attribute:
+            assert coarse[attribute] / fine[attribute] == pytest.approx(2, rel=0.02)
+
+
+def test_steps_at_the_reference_qp() -> None:
+    steps = real_steps(plan(28))
+    assert steps[Attribute.POSITION] == pytest.approx(0.25 * median_size(CLOUD), rel=0.02)
+    assert steps[Attribute.ROTATION] == 1 / 256
+    assert steps[Attribute.SCALE] == steps[Attribute.OPACITY] == 1 / 16
+
+
+@pytest.mark.parametrize("qp", [0, 0.5, 17.3, MAX_QP])
+def test_grids_are_finer_than_steps_and_legal(qp: float) -> None:
+    quantisation = plan(qp)
+    assert all(1 <= step <= STATE_LIMIT for step in quantisation.steps.values())
+    assert all(step >= 32 for a, step in quantisation.steps.items() if a != Attribute.ROTATION)
+    assert max(map(abs, vars(quantisation.units).values())) <= 60
+    assert quantisation.units.opacity <= -11
+
+
+def test_qualities_go_from_coarse_to_fine() -> None:
+    assert list(QUALITIES) == ["low", "medium", "high", "transparent"]
+    assert sorted(QUALITIES.values(), reverse=True) == list(QUALITIES.values())
+
+
+@pytest.mark.parametrize("reach", [1e3, 1e6, 1e9])
+def test_the_position_grid_holds_the_scene(reach: float) -> None:
+    assert reach <= STATE_LIMIT * 2.0 ** plan(10, reach=reach).units.position
+
+
+def test_median_size_is_the_geometric_mean() -> None:
+    assert median_size(CLOUD) == pytest.approx(float(np.exp(np.median(CLOUD.scales.mean(axis=1)))))
+
+
+@pytest.mark.parametrize(
+    ("name", "attributes"),
+    [
+        ("position", {Attribute.POSITION}),
+        ("rotation", {Attribute.ROTATION}),
+        ("scale", {Attribute.SCALE}),
+        ("alpha", {Attribute.OPACITY}),
+        ("colour", {Attribute.SH_DC}),
+        ("sh", {Attribute.SH_1, Attribute.SH_2, Attribute.SH_3}),
+    ],
+)
+def test_a_bound_replaces_the_steps_of_its_attributes(name: str, attributes: set[Attribute]) -> None:
+    free, bounded = plan(28), plan(28, Bound(name, 1e-3))
+    assert bounded.bounded == attributes
+    assert list(BOUND_UNITS).count(name) == 1
+    before, after = real_steps(free), real_steps(bounded)
+    for attribute in Attribute:
+        if attribute in attributes:
+            assert after[attribute] != before[attribute]
+        else:
+            assert after[attribute] == pytest.approx(before[attribute], rel=0.02)
+
+
+@given(st.sampled_from(sorted(BOUND_UNITS)), st.floats(5e-3, 0.5))
+def test_bounded_steps_leave_room_for_the_grids_own_rounding(name: str, value: float) -> None:
+    quantisation = plan(28, Bound(name, value))
+    steps = real_steps(quantisation)
+    for attribute, limit in Bound(name, value).steps().items():
+        unit = steps[attribute] / quantisation.steps[attribute]
+        assert steps[attribute] + unit <= limit * (1 + 1e-9)
+        assert steps[attribute] >= 0.9 * limit - 2 * unit
+
+
+def test_a_smaller_bound_counts_less_than_no_other_attribute() -> None:
+    both = plan(28, Bound("alpha", 0.01), Bound("sh", 0.02))
+    assert both.bounded == {Attribute.OPACITY, Attribute.SH_1, Attribute.SH_2, Attribute.SH_3}
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_bounds_for_one_attribute_the_tighter_holds(order: int) -> None:
+    bounds = (Bound("scale", 0.1), Bound("scale", 0.001))[::order]
+    assert real_steps(plan(28, *bounds))[Attribute.SCALE] <= 2 * 0.001
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+def test_a_bound_is_a_number_above_0(value: float) -> None:
+    with pytest.raises(InputError, match="above 0"):
+        Bound("position", value)
+
+
+def test_an_unknown_bound_lists_the_known_ones() -> None:
+    with pytest.raises(InputError, match=r"--bound colur: unknown; known are .*colour \(RGB"):
+        Bound("colur", 1.0)

@@ -1,0 +1,375 @@
+"""The worked example of bitstream_spec.md, annex A: a whole file, annotated field by field.
+
+    python tools/spec_example.py             print the blocks of the annex
+    python tools/spec_example.py --update    put them into bitstream_spec.md
+
+The example's encoder takes the simplest choice everywhere and no float decides anything, so that the file
+changes only when the format does.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import ClassVar, TypeVar
+from unittest import mock
+
+import numpy as np
+
+from dfcgs_codec.bitstream.constants import Attribute, ChunkType, IntraKind, OutputOrder, Profile
+from dfcgs_codec.bitstream.container import ContainerWriter
+from dfcgs_codec.bitstream.frame_headers import SortGrid
+from dfcgs_codec.bitstream.io import ByteReader
+from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
+from dfcgs_codec.codec import decoder
+from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
+from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols
+from dfcgs_codec.codec.intra import IntraSymbols
+from dfcgs_codec.codec.side_information import (
+    ABSENT_LEVEL,
+    EXPECTED_SCALE_RISE,
+    HistogramLayout,
+    code_tables,
+    code_weights,
+    histogram_models,
+)
+from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.codec.symbols import (
+    HistogramEvidence,
+    Int64,
+    LayoutEvidence,
+    ResidualEvidence,
+    WeightEvidence,
+)
+from dfcgs_codec.encoder import frame_coding
+from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.entropy.coder import Model
+from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, scale_table
+
+SPEC = Path(__file__).resolve().parents[1] / "bitstream_spec.md"
+
+T = TypeVar("T")
+
+_FLAT_BIAS = 5
+_BYTES_PER_LINE = 16
+_BLOCK_LOG2 = 3
+
+_HEADER = SequenceHeader(
+    profile=Profile.MAIN,
+    level=1,
+    sh_degree=0,
+    output_order=OutputOrder.INPUT,
+    frame_rate=(30, 1),
+    frame_numbers=FrameNumbers(((7, 2),)),
+    unit_exponents=UnitExponents(position=-4, scale=-12, opacity=-12, color=-12),
+)
+_STEPS = {
+    Attribute.POSITION: 4,
+    Attribute.SCALE: 512,
+    Attribute.ROTATION: 4096,
+    Attribute.OPACITY: 512,
+    Attribute.SH_DC: 512,
+}
+_GRID = SortGrid(shift=0, bits=2, origin=(-1, 0, 2), has_excess=False)
+_INTRA = {
+    Attribute.POSITION: [[-1, 0, 2], [0, 0, 4], [2, 3, 3]],
+    Attribute.SCALE: [[-40, -44, -48], [-41, -41, -50], [-36, -40, -40]],
+    Attribute.ROTATION: [[0, 3, -2, 1], [2, 0, 5, -1], [0, 0, 0, 0]],
+    Attribute.OPACITY: [[12], [-3], [20]],
+    Attribute.SH_DC: [[4, -2, 0], [1, 1, 1], [-6, 2, 3]],
+}
+_PERMUTATION = [2, 0, 1]
+_INTER = {
+    Attribute.POSITION: [[0, 0, 0], [1, 0, -1], [0, 0, 0]],
+    Attribute.ROTATION: [[0, 0, 0], [0, 2, 0], [0, 0, 0]],
+}
+
+
+class PlainWriter(SymbolWriter):
+    """Predicts nothing, has one Laplace scale per component, and no histogram components."""
+
+    def weights(self, count: int, evidence: WeightEvidence) -> Int64:
+        """All zero."""
+        return code_weights(self, np.zeros(count, np.int64), count)
+
+    def tables(self, num_contexts: int, evidence: ResidualEvidence) -> Int64:
+        """The smallest Laplace scale without escapes for the contexts used, rising as expected."""
+        residuals, contexts = evidence()
+        largest = int(np.abs(residuals).max())
+        scale = next(s for s in range(64) if len(scale_table(Shape.LAPLACE, s)) // 2 > largest)
+        tables = np.full(num_contexts, -1, np.int64)
+        used = np.arange(contexts.min(), int(contexts.max()) + 1)
+        tables[used] = Shape.LAPLACE * NUM_SCALES + scale + EXPECTED_SCALE_RISE * (used - used[0])
+        return code_tables(self, tables, num_contexts)
+
+    def histograms(
+        self, used: Int64, num_contexts: int, size: int, evidence: HistogramEvidence
+    ) -> list[Model]:
+        """Level 0 for every symbol that occurs, absent for the others."""
+        symbols, contexts = evidence()
+        levels = np.full((len(used), size), ABSENT_LEVEL, np.int64)
+        levels[np.searchsorted(used, contexts), symbols] = 0
+        return histogram_models(self, levels, used, num_contexts, size)
+
+    def choice(self, size: int, evidence: Callable[[], int]) -> int:
+        """The bias of cells whose halves hold any number of Gaussians with the same probability."""
+        return super().choice(size, lambda: _FLAT_BIAS)
+
+    def layout(self, evidence: LayoutEvidence) -> HistogramLayout | None:
+        """Predicted."""
+        super().choice(2, lambda: 0)
+        return None
+
+
+def _inter_symbols() -> InterSymbols:
+    activity = {}
+    for attribute, rows in _INTER.items():
+        symbols = np.array(rows, np.int64)
+        # one block, of which few Gaussians move, by one or two steps
+        activity[attribute] = AttributeActivity(symbols, np.array([1]), np.array([5]))
+    return InterSymbols(activity)
+
+
+def build() -> bytes:
+    """The file."""
+    file = io.BytesIO()
+    writer = ContainerWriter(file, _HEADER)
+    writer.chunk(ChunkType.ENCODER_INFO, 0, b"worked example")
+    planes = {attribute: np.array(rows, np.int64) for attribute, rows in _INTRA.items()}
+    symbols = IntraSymbols(planes, np.array(_PERMUTATION, np.int64))
+    with mock.patch.object(frame_coding, "SymbolWriter", PlainWriter):
+        intra = frame_coding.code_intra_frame(0, symbols, _GRID, _STEPS)
+        inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra, (_STEPS, _BLOCK_LOG2))
+    writer.gof(0, [intra.data, inter.data])
+    writer.finish()
+    return file.getvalue()
+
+
+class _Tracer:
+    """Reads fields and writes down where they stood; knows the syntax, not the package's headers."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self._reader = ByteReader(data)
+        self.lines: list[str] = []
+        self.attributes: list[Attribute] = []
+
+    def _put(self, start: int, label: str) -> None:
+        field = self._data[start : self._reader.position]
+        for first in range(0, len(field), _BYTES_PER_LINE):
+            text = field[first : first + _BYTES_PER_LINE].hex(" ")
+            shown = label if first == 0 else ""
+            self.lines.append(f"{start + first:04x}  {text:<48} {shown}".rstrip())
+
+    def number(self, kind: str, name: str, show: Callable[[int], str] = str) -> int:
+        """A field of type `kind`; its value."""
+        start = self._reader.position
+        value = int(getattr(self._reader, kind)())
+        self._put(start, f"{name} = {show(value)}")
+        return value
+
+    def raw(self, count: int, name: str) -> None:
+        """Bytes."""
+        start = self._reader.position
+        self._reader.raw(count)
+        self._put(start, name)
+
+    def more(self) -> bool:
+        """Whether the file goes on."""
+        return self._reader.remaining > 0
+
+
+def _hex(value: int) -> str:
+    return f"0x{value:08x}"
+
+
+def _sequence_header(trace: _Tracer) -> None:
+    for name in ("bitstream_version", "profile", "level"):
+        trace.number("u8", name)
+    degree = trace.number("u8", "sh_degree")
+    trace.attributes = list(Attribute)[: Attribute.SH_1 + degree]
+    trace.number("u8", "output_order", lambda v: f"{v} {OutputOrder(v).name}")
+    for name in ("num_frames", "frame_rate_numerator", "frame_rate_denominator"):
+        trace.number("uvarint", name)
+    for _ in range(trace.number("uvarint", "num_runs")):
+        trace.number("uvarint", "skipped")
+        trace.number("uvarint", "run_length_minus_1")
+    for name in ("position", "scale", "opacity", "color"):
+        trace.number("svarint", f"{name}_exponent")
+    trace.number("uvarint", "model_id_length")
+
+
+def _streams(trace: _Tracer, names: list[str]) -> None:
+    lengths = [trace.number("uvarint", f"stream_length of {name}") for name in names]
+    for name, length in zip(names, lengths, strict=True):
+        if length:
+            trace.raw(length, f"stream of {name}")
+
+
+def _intra_frame(trace: _Tracer) -> None:
+    trace.raw(16, "frame_hash")
+    trace.number("u8", "intra_kind", lambda v: f"{v} {IntraKind(v).name}")
+    trace.number("uvarint", "num_gaussians")
+    permuted = trace.number("u8", "has_permutation")
+    trace.number("u8", "sort_shift")
+    trace.number("u8", "sort_bits")
+    for axis in "xyz":
+        trace.number("svarint", f"sort_origin {axis}")
+    trace.number("u8", "has_excess")
+    names = [attribute.name for attribute in trace.attributes]
+    for name in names:
+        trace.number("uvarint", f"step of {name}")
+    _streams(trace, names[:1] + ["the permutation"] * permuted + names[1:])
+
+
+def _inter_frame(trace: _Tracer) -> list[str]:
+    trace.raw(16, "frame_hash")
+    mask = trace.number("u8", "attribute_mask", lambda v: f"{v:#04x}")
+    names = [attribute.name for attribute in trace.attributes if mask >> attribute & 1]
+    if mask:
+        trace.number("u8", "block_log2")
+    for name in names:
+        trace.number("uvarint", f"step of {name}")
+    return names
+
+
+def _index(trace: _Tracer) -> None:
+    for _ in range(trace.number("uvarint", "num_gofs")):
+        trace.number("uvarint", "gof_num_frames")
+        trace.number("uvarint", "offset_delta", lambda v: f"{v} (0x{v:x})")
+
+
+def annotate(data: bytes) -> list[str]:
+    """Lines of offset, bytes and field; their bytes are the file."""
+    trace = _Tracer(data)
+    trace.raw(8, "MAGIC")
+    names: list[str] = []
+    while trace.more():
+        kind = ChunkType(trace.number("u8", "chunk_type", lambda v: f"0x{v:02x} {ChunkType(v).name}"))
+        trace.number("uvarint", "frame_index")
+        length = trace.number("uvarint", "payload_length")
+        if kind == ChunkType.SEQUENCE_HEADER:
+            _sequence_header(trace)
+        elif kind == ChunkType.INTRA_FRAME:
+            _intra_frame(trace)
+        elif kind == ChunkType.INTER_FRAME:
+            names = _inter_frame(trace)
+        elif kind == ChunkType.RESIDUAL:
+            _streams(trace, names)
+        elif kind == ChunkType.INDEX:
+            _index(trace)
+        elif kind == ChunkType.END:
+            trace.number("u64", "index_offset", lambda v: f"{v} (0x{v:x})")
+        else:
+            trace.raw(length, "text")
+        trace.number("u32", "crc32", _hex)
+    return trace.lines
+
+
+def _rows(values: np.ndarray) -> str:
+    return "  ".join(" ".join(f"{value:.9g}" for value in row) for row in values.reshape(len(values), -1))
+
+
+def _describe(frame: DecodedFrame) -> Iterator[str]:
+    yield f"frame {frame.index}, number {frame.number}: hash {frame.state.hash().hex()}"
+    for attribute, plane in frame.state.planes.items():
+        yield f"  state {attribute.name:<9} {_rows(plane.values)}"
+    if frame.state.order is not None:
+        yield f"  state order     {_rows(frame.state.order.values)}"
+    cloud = frame.cloud()
+    for name, values in (
+        ("x y z", cloud.positions),
+        ("scale", cloud.scales),
+        ("rot", cloud.rotations),
+        ("opacity", cloud.opacities),
+        ("f_dc", cloud.sh_dc),
+    ):
+        yield f"  output {name:<8} {_rows(values)}"
+
+
+def frames(data: bytes) -> list[str]:
+    """Lines of states, hashes and output of the file's frames."""
+    return [line for frame in SequenceDecoder(io.BytesIO(data)).frames() for line in _describe(frame)]
+
+
+class _TracingReader(SymbolReader):
+    """Writes down the symbols of every model."""
+
+    streams: ClassVar[list[list[str]]] = []
+    _label = "symbols"
+
+    def __init__(self, data: bytes, offset: int | None = None) -> None:
+        super().__init__(data, offset)
+        self.streams.append([])
+
+    def code(self, symbols: Int64 | None, model: Model, count: int) -> Int64:
+        """See RangeReader."""
+        decoded = super().code(symbols, model, count)
+        if count:
+            text = " ".join(map(str, decoded.tolist()))
+            self.streams[-1].append(f"  {self._label:<10} {count} of {model.size:<4} {text}")
+        return decoded
+
+    def _labelled(self, label: str, read: Callable[..., T], *arguments: object) -> T:
+        self._label = label
+        result = read(*arguments)
+        self._label = "symbols"
+        return result
+
+    def center(self, evidence: Callable[[], Int64]) -> int:
+        """See SymbolCoder."""
+        return self._labelled("center", super().center, evidence)
+
+    def weights(self, count: int, evidence: WeightEvidence) -> Int64:
+        """See SymbolCoder."""
+        return self._labelled("weights", super().weights, count, evidence)
+
+    def tables(self, num_contexts: int, evidence: ResidualEvidence) -> Int64:
+        """See SymbolCoder."""
+        return self._labelled("tables", super().tables, num_contexts, evidence)
+
+    def histograms(
+        self, used: Int64, num_contexts: int, size: int, evidence: HistogramEvidence
+    ) -> list[Model]:
+        """See SymbolCoder."""
+        return self._labelled("histograms", super().histograms, used, num_contexts, size, evidence)
+
+
+def symbols(data: bytes) -> list[str]:
+    """Lines of the symbols of some streams: what they say, their number, the size of their model, symbols."""
+    _TracingReader.streams.clear()
+    with mock.patch.object(decoder, "SymbolReader", _TracingReader):
+        frames(data)
+    names = {0: "POSITION, frame 0", 1: "the permutation, frame 0", 6: "POSITION, frame 1"}
+    return [
+        line
+        for index, name in names.items()
+        for line in (f"stream of {name}", *_TracingReader.streams[index])
+    ]
+
+
+def blocks() -> dict[str, list[str]]:
+    """The annex's blocks by name."""
+    data = build()
+    return {"file": annotate(data), "frames": frames(data), "symbols": symbols(data)}
+
+
+def main() -> None:
+    """Print or update."""
+    text = SPEC.read_text(encoding="utf-8")
+    for name, lines in blocks().items():
+        body = "\n".join(lines)
+        if "--update" in sys.argv[1:]:
+            pattern = rf"(<!-- example: {name} -->\n\n```\n).*?(\n?```)"
+            text = re.sub(pattern, lambda m, body=body: m[1] + body + "\n```", text, flags=re.DOTALL)
+        else:
+            print(body, end="\n\n")
+    if "--update" in sys.argv[1:]:
+        SPEC.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
