@@ -744,6 +744,8 @@ def inter_attribute(
 
 def reconstruct_inter(activity: dict[int, Activity], steps: dict[int, int], reference: State) -> State:
     """9.3."""
+    if not activity:
+        return reference
     planes = dict(reference.planes)
     for attribute, found in activity.items():
         plane, step = planes[attribute], steps[attribute]

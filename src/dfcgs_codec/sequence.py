@@ -139,7 +139,9 @@ def open_folder(
     try:
         found = sorted(path for path in folder.glob(pattern) if path.is_file())
     except (ValueError, NotImplementedError) as error:
-        raise InputError(f"{folder}: --pattern {pattern!r}: {error}; it is a relative glob such as '*.ply'") from None
+        raise InputError(
+            f"{folder}: --pattern {pattern!r}: {error}; it is a relative glob such as '*.ply'"
+        ) from None
     if not found:
         raise InputError(f"{folder}: no file matches '{pattern}'; --pattern chooses other names")
     order = sorted(zip(_frame_numbers(found, folder), found, strict=True))

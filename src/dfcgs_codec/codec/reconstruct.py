@@ -18,6 +18,14 @@ from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, no
 Int64 = npt.NDArray[np.int64]
 
 
+def _scaled(symbols: Int64, step: int) -> Int64:
+    """Symbols times step; refused before they could leave 64 bits."""
+    limit = 2 * STATE_LIMIT // step
+    if len(symbols) and (symbols.min() < -limit or symbols.max() > limit):
+        raise CorruptBitstream("a symbol is too large for its step")
+    return symbols * step
+
+
 def _in_range(values: Int64) -> Plane:
     if len(values) and (values.min() < -STATE_LIMIT or values.max() > STATE_LIMIT):
         raise CorruptBitstream("a reconstructed value leaves the range of the state")
@@ -26,7 +34,7 @@ def _in_range(values: Int64) -> Plane:
 
 def _intra_rotation(symbols: Int64, step: int) -> Int64:
     """Quaternions of axis flips and stereographic vectors (N, 4); w of the unflipped one is >= 0."""
-    quaternions = from_stereo(symbols[:, 1:] * step)
+    quaternions = from_stereo(_scaled(symbols[:, 1:], step))
     flipped = np.flatnonzero(symbols[:, 0])
     flips = CELLS[symbols[flipped, 0]] * ONE
     quaternions[flipped] = multiply(quaternions[flipped], flips)
@@ -40,7 +48,7 @@ def reconstruct_intra(symbols: IntraSymbols, steps: dict[Attribute, int]) -> Fra
         if attribute == Attribute.ROTATION:
             planes[attribute] = Plane(_intra_rotation(values, steps[attribute]))
         else:
-            planes[attribute] = _in_range(values * steps[attribute])
+            planes[attribute] = _in_range(_scaled(values, steps[attribute]))
     order = None if symbols.permutation is None else Plane(symbols.permutation[:, None])
     return FrameState(planes, order)
 
@@ -55,7 +63,7 @@ def _turn(reference: Plane, symbols: Int64, step: int) -> Plane:
     """Rotate about each Gaussian's own axes; rows without symbols keep their bits."""
     rows = np.flatnonzero(nonzero_rows(symbols))
     quaternions = reference.wide()
-    turned = multiply(quaternions[rows], from_stereo(symbols[rows] * step))
+    turned = multiply(quaternions[rows], from_stereo(_scaled(symbols[rows], step)))
     quaternions[rows] = normalise(turned)
     return Plane(quaternions)
 
@@ -63,12 +71,14 @@ def _turn(reference: Plane, symbols: Int64, step: int) -> Plane:
 def reconstruct_inter(
     symbols: InterSymbols, steps: dict[Attribute, int], reference: FrameState
 ) -> FrameState:
-    """State of a P-frame; planes without symbols are the reference's own."""
+    """State of a P-frame; planes without symbols are the reference's own, and so is a whole skipped frame."""
+    if not symbols.activity:
+        return reference
     planes = dict(reference.planes)
     for attribute, activity in symbols.activity.items():
         plane, step = reference.planes[attribute], steps[attribute]
         if attribute == Attribute.ROTATION:
             planes[attribute] = _turn(plane, activity.symbols, step)
         else:
-            planes[attribute] = _in_range(plane.wide() + activity.symbols * step)
+            planes[attribute] = _in_range(plane.wide() + _scaled(activity.symbols, step))
     return replace(reference, planes=planes, verbatim=None)

@@ -15,6 +15,7 @@ from dfcgs_codec.codec.dpb import SH_BANDS, FrameState, Plane, sh_bands, sh_rest
 from dfcgs_codec.codec.intra import code_permutation
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder, UInt8
 from dfcgs_codec.entropy.symbols import Groups, code_bits, code_with_models
+from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.companding import compress
 from dfcgs_codec.transform.lod import order_levels
@@ -46,8 +47,8 @@ def _code_plane(coder: SymbolCoder, values: Int64 | None, contexts: UInt8) -> In
         table = cells.reshape(-1, _BYTE).astype(np.float64)
         total = np.maximum(table.sum(axis=1, keepdims=True), 1)
         entropy = -(table * np.log2(np.maximum(table, 1) / total)).sum()
-        # what the histograms themselves cost: about 12 bits per byte value seen, half a bit per one not
-        side = 12 * np.count_nonzero(table) + 0.5 * _BYTE * len(np.unique(contexts)) + 32
+        # what the histograms themselves cost: about 20 bits per byte value seen, one bit per one not
+        side = 20 * np.count_nonzero(table) + _BYTE * len(np.unique(contexts)) + 64
         return int(entropy + side < 8 * count)
 
     if not coder.choice(2, is_structured):
@@ -111,8 +112,10 @@ def code_verbatim(
 
 
 def cloud_of_columns(columns: list[Float32]) -> GaussianCloud:
-    """Inverse of `dpb.verbatim_columns`."""
+    """Inverse of `dpb.verbatim_columns`; values without a place on the grid are corrupt (spec section 13)."""
     n = len(columns[0])
+    if not all(np.isfinite(values).all() for values in columns) or (columns[2] == 0).all(axis=1).any():
+        raise CorruptBitstream("a verbatim value is not finite, or a quaternion is zero")
     sh_rest = sh_rest_of_bands(columns[5:], n)
     return GaussianCloud(columns[0], columns[2], columns[1], columns[3][:, 0], columns[4], sh_rest)
 
@@ -124,7 +127,7 @@ def _to_grid(values: Float32, exponent: int) -> Int64:
 
 
 def state_of(cloud: GaussianCloud, units: UnitExponents) -> FrameState:
-    """Integer state of float values: the reference that a `ply` I-frame leaves behind (spec section 8)."""
+    """Integer state of float values: the reference that a `ply` I-frame leaves behind (spec section 13.3)."""
     logits = compress(_to_grid(cloud.opacities, units.opacity), units.opacity)
     planes = {
         Attribute.POSITION: Plane(_to_grid(cloud.positions, units.position)),

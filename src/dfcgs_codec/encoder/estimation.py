@@ -65,7 +65,14 @@ def _code_lengths() -> Float64:
 def _side_lengths() -> tuple[Float64, Float64]:
     """Bits to signal a scale that differs by -159..159 from the expected, and a shape by -2..2."""
     scales = np.abs(np.arange(1 - NUM_SCALES, NUM_SCALES))
-    return 1.0 + 1.4 * scales + 4.0 * np.log2(1 + scales) * (scales > 8), np.array([9.0, 4.5, 0.25, 4.5, 9.0])
+    # a Laplace table of sigma 1, then escapes
+    return 1.0 + np.minimum(2.0 * scales, 26 + np.log2(1 + scales)), np.array([9.0, 4.5, 0.25, 4.5, 9.0])
+
+
+def _beyond_reach(residuals: Int64, contexts: UInt8, num_contexts: int) -> Float64:
+    """Bits by which escapes of residuals beyond the histogram exceed those at its end, by context."""
+    bits = np.log2(np.maximum(np.abs(residuals) - _REACH, 1))
+    return np.asarray(np.bincount(contexts, weights=bits, minlength=num_contexts), np.float64)
 
 
 def _histogram(residuals: Int64, contexts: UInt8, num_contexts: int) -> Int64:
@@ -81,7 +88,8 @@ def _table_costs(residuals: Int64, contexts: UInt8, num_contexts: int) -> Float6
     used = np.flatnonzero(counts)
     histogram = _histogram(residuals, contexts, num_contexts)[used].astype(np.float64)
     base = (histogram @ _code_lengths().T).reshape(len(used), NUM_SHAPES, NUM_BASE_SCALES)
-    costs[used, :, :NUM_BASE_SCALES] = base
+    far = _beyond_reach(residuals, contexts, num_contexts)[used]
+    costs[used, :, :NUM_BASE_SCALES] = base + far[:, None, None]
     sums = np.bincount(contexts, weights=np.abs(residuals), minlength=num_contexts)
     for context in np.flatnonzero(sums > _WIDE_MEAN * np.maximum(counts, 1)).tolist():
         _wide_costs(costs[context], residuals[contexts == context])
@@ -98,7 +106,8 @@ def _wide_costs(costs: Float64, residuals: Int64) -> None:
         histogram = _histogram(residuals >> low_bits, zeros, 1).astype(np.float64)
         bits = (histogram @ _code_lengths().T).reshape(NUM_SHAPES, NUM_BASE_SCALES)
         first = NUM_BASE_SCALES + SCALES_PER_OCTAVE * (low_bits - 1)
-        costs[:, first : first + SCALES_PER_OCTAVE] = bits[:, start:] + low_bits * len(residuals)
+        far = float(_beyond_reach(residuals >> low_bits, zeros, 1)[0]) + low_bits * len(residuals)
+        costs[:, first : first + SCALES_PER_OCTAVE] = bits[:, start:] + far
 
 
 def fit_tables(residuals: Int64, contexts: UInt8, num_contexts: int) -> Int64:
@@ -114,6 +123,8 @@ def fit_tables(residuals: Int64, contexts: UInt8, num_contexts: int) -> Int64:
         return tables
     costs = _table_costs(residuals, contexts, num_contexts)
     scale_bits, shape_bits = _side_lengths()
+    # the first scale has a table of its own, of sigma 16
+    bits = 5.0 + 0.13 * np.abs(np.arange(1 - NUM_SCALES, NUM_SCALES))
     expected, shape = 26, int(Shape.LAPLACE)
     for context in range(int(used[0]), int(used[-1]) + 1):
         expected = min(expected, NUM_SCALES - 1)
@@ -121,10 +132,11 @@ def fit_tables(residuals: Int64, contexts: UInt8, num_contexts: int) -> Int64:
         if counts[context]:
             side = (
                 shape_bits[2 - shape : 5 - shape, None]
-                + scale_bits[None, NUM_SCALES - 1 - expected :][:, :NUM_SCALES]
+                + bits[None, NUM_SCALES - 1 - expected :][:, :NUM_SCALES]
             )
             shape, scale = divmod(int((costs[context] + side).argmin()), NUM_SCALES)
         tables[context] = shape * NUM_SCALES + scale
+        bits = scale_bits
         expected = scale + EXPECTED_SCALE_RISE
     return tables
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, STEREO_FRACTION_BITS, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import SH_BANDS
 from dfcgs_codec.errors import InputError
@@ -45,6 +45,8 @@ SH_C0 = 0.28209479177387814
 #: at least this many grid units to a step, so that the grid's own rounding hardly counts
 _UNITS_PER_STEP_LOG2 = 6
 _COARSEST_EXPONENT = -12
+_FINEST_EXPONENT = -60
+_MAX_REACH_LOG2 = 80
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ def median_size(cloud: GaussianCloud) -> float:
 
 
 def _exponent(step: float, coarsest: int) -> int:
-    return max(-60, min(coarsest, math.floor(math.log2(step)) - _UNITS_PER_STEP_LOG2))
+    return max(_FINEST_EXPONENT, min(coarsest, math.floor(math.log2(step)) - _UNITS_PER_STEP_LOG2))
 
 
 def _exponents(units: UnitExponents) -> dict[Attribute, int]:
@@ -132,11 +134,13 @@ def plan_quantisation(
     limits = _limits(bounds)
     real |= limits
     colours = (Attribute.SH_DC, *SH_BANDS)
+    if not reach < 2.0**_MAX_REACH_LOG2:
+        raise InputError(
+            f"positions reach {reach:g} scene units; scenes up to 2**{_MAX_REACH_LOG2} can be coded"
+        )
     holding = math.ceil(math.log2(max(reach, 2.0**-60))) - 28
     units = UnitExponents(
-        position=max(
-            holding, min(40, math.floor(math.log2(real[Attribute.POSITION])) - _UNITS_PER_STEP_LOG2)
-        ),
+        position=max(holding, _exponent(real[Attribute.POSITION], 40)),
         scale=_exponent(real[Attribute.SCALE], _COARSEST_EXPONENT),
         opacity=_exponent(real[Attribute.OPACITY], _COARSEST_EXPONENT),
         color=_exponent(min(real[a] for a in colours), _COARSEST_EXPONENT),
@@ -146,5 +150,6 @@ def plan_quantisation(
     for attribute, step in real.items():
         grid = step / 2.0 ** exponents[attribute]
         # the input's own rounding to the grid takes one unit of a bounded step
-        steps[attribute] = max(1, math.floor(grid) - 1 if attribute in limits else round(grid))
+        units_per_step = math.floor(grid) - 1 if attribute in limits else round(grid)
+        steps[attribute] = min(max(1, units_per_step), STATE_LIMIT)
     return Quantisation(units, steps, frozenset(limits))

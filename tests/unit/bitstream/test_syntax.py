@@ -15,6 +15,7 @@ from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     LEVELS,
     MAX_BLOCK_LOG2,
+    MAX_OPACITY_EXPONENT,
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
     MIN_BLOCK_LOG2,
@@ -28,7 +29,6 @@ from dfcgs_codec.bitstream.index import End, Index, IndexEntry
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.errors import BitstreamError, CorruptBitstream, LimitExceeded, UnsupportedBitstream
-from dfcgs_codec.transform.companding import MAX_OPACITY_EXPONENT
 
 UINT32 = st.integers(0, 2**32 - 1)
 LENGTHS = st.integers(0, 2**64 - 1)

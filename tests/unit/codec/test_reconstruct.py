@@ -114,9 +114,36 @@ def test_turns_keep_unit_length() -> None:
     assert np.abs(length / ONE - 1).max() < 2.0**-22
 
 
-def test_a_p_frame_keeps_the_order_and_drops_the_verbatim_floats() -> None:
+def verbatim_reference() -> FrameState:
     first = state_of(make_cloud(4), UNITS)
-    before = FrameState(first.planes, Plane(np.arange(4)[::-1, None].copy()), first.verbatim)
-    after = reconstruct_inter(InterSymbols(), {}, before)
+    return FrameState(first.planes, Plane(np.arange(4)[::-1, None].copy()), first.verbatim)
+
+
+def test_a_p_frame_keeps_the_order_and_drops_the_verbatim_floats() -> None:
+    before = verbatim_reference()
+    symbols = InterSymbols({Attribute.POSITION: activity(some_rows(4, 3, 2))})
+    after = reconstruct_inter(symbols, {Attribute.POSITION: 1}, before)
     assert after.order is before.order
     assert after.verbatim is None
+
+
+def test_a_skipped_frame_is_its_reference_floats_and_all() -> None:
+    before = verbatim_reference()
+    after = reconstruct_inter(InterSymbols(), {}, before)
+    assert after.verbatim is before.verbatim
+    assert after.hash() == before.hash()
+
+
+@pytest.mark.parametrize("symbol", [2**31, -(2**40), 2**62, -(2**63)])
+@pytest.mark.parametrize("attribute", [Attribute.POSITION, Attribute.ROTATION])
+def test_symbols_beyond_64_bits_are_corrupt(symbol: int, attribute: Attribute) -> None:
+    symbols = np.zeros((4, 3), np.int64)
+    symbols[2, 1] = symbol
+    steps = {attribute: STATE_LIMIT}
+    coded = InterSymbols({attribute: AttributeActivity(symbols, np.ones(1, np.int64), np.ones(1, np.int64))})
+    with pytest.raises(CorruptBitstream):
+        reconstruct_inter(coded, steps, reference(4))
+    if attribute == Attribute.ROTATION:
+        symbols = np.concatenate([np.zeros((4, 1), np.int64), symbols], axis=1)
+    with pytest.raises(CorruptBitstream):
+        reconstruct_intra(IntraSymbols({attribute: symbols}), steps)

@@ -21,6 +21,7 @@ from dfcgs_codec.codec.verbatim import (
     state_of,
 )
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.errors import CorruptBitstream
 from tests.helpers import check_walk, make_cloud, real_cloud, same_cloud
 
 UNITS = UnitExponents(-12, -12, -12, -12)
@@ -91,6 +92,14 @@ def test_columns_and_cloud_are_inverse(degree: int) -> None:
     columns = verbatim_columns(cloud)
     assert [c.shape[1] for c in columns] == [STATE_COLUMNS[a] for a in coded_attributes(degree)]
     assert same_cloud(cloud_of_columns(columns), cloud)
+
+
+@pytest.mark.parametrize(("column", "value"), [(0, np.nan), (1, np.inf), (3, -np.inf), (5, np.nan), (2, 0.0)])
+def test_values_without_a_place_on_the_grid_are_corrupt(column: int, value: float) -> None:
+    columns = [values.copy() for values in verbatim_columns(make_cloud(6, 1))]
+    columns[column][4] = value
+    with pytest.raises(CorruptBitstream, match="verbatim"):
+        cloud_of_columns(columns)
 
 
 def test_the_state_is_the_frame_on_the_grids() -> None:

@@ -88,7 +88,7 @@ def test_median_size_is_the_geometric_mean() -> None:
     ],
 )
 def test_a_bound_replaces_the_steps_of_its_attributes(name: str, attributes: set[Attribute]) -> None:
-    free, bounded = plan(28), plan(28, Bound(name, 1e-3))
+    free, bounded = plan(28), plan(28, Bound(name, 1e-2))
     assert bounded.bounded == attributes
     assert list(BOUND_UNITS).count(name) == 1
     before, after = real_steps(free), real_steps(bounded)
@@ -124,6 +124,12 @@ def test_of_two_bounds_for_one_attribute_the_tighter_holds(order: int) -> None:
 def test_a_bound_is_a_number_above_0(value: float) -> None:
     with pytest.raises(InputError, match="above 0"):
         Bound("position", value)
+
+
+def test_a_rotation_bound_finer_than_the_symbols_is_refused() -> None:
+    plan(28, Bound("rotation", 0.002))
+    with pytest.raises(InputError, match=r"--bound rotation: the tightest .* is 0\.0015 degrees"):
+        plan(28, Bound("rotation", 0.001))
 
 
 def test_an_unknown_bound_lists_the_known_ones() -> None:
