@@ -12,6 +12,10 @@ from typing import BinaryIO
 
 from dfcgs_codec.errors import InputError
 
+#: names of decoded frames
+FRAME_NAME = "frame_{:04d}.ply"
+FRAME_PATTERN = "frame_*.ply"
+
 
 def _check_free(target: Path, force: bool) -> None:
     if target.exists() and not force:
@@ -37,6 +41,16 @@ def replace_when_whole(target: Path, *, force: bool) -> Iterator[BinaryIO]:
         raise
 
 
+def _check_holds_frames_only(target: Path) -> None:
+    others = (
+        [path.name for path in target.iterdir() if not path.match(FRAME_PATTERN)] if target.exists() else []
+    )
+    if others:
+        raise InputError(
+            f"{target} holds {others[0]}, which is no frame: only folders of frames are replaced"
+        )
+
+
 def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
@@ -45,7 +59,10 @@ def _umask() -> int:
 
 @contextmanager
 def replace_folder_when_whole(target: Path, *, force: bool) -> Iterator[Path]:
-    """A folder to fill that becomes `target` at the end; an empty `target` may exist."""
+    """A folder to fill that becomes `target` at the end.
+
+    An empty `target` may exist, and with `force` one that holds nothing but frames; anything else is kept.
+    """
     target = target.resolve()
     if target in (Path.cwd(), *Path.cwd().parents):
         raise InputError(f"{target} is the working folder or holds it; name another folder")
@@ -53,6 +70,7 @@ def replace_folder_when_whole(target: Path, *, force: bool) -> Iterator[Path]:
     _check_free(target, force or empty)
     if target.exists() and not target.is_dir():
         raise InputError(f"{target} is a file; name a folder")
+    _check_holds_frames_only(target)
     folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent))
     try:
         yield folder

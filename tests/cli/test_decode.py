@@ -76,7 +76,9 @@ def test_a_full_folder_is_kept_without_force(stream: Path, decoded: Path, tmp_pa
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("precious")
     fails(dfcgs("decode", stream, tmp_path / "out"), 1, "exists", "--force")
+    fails(dfcgs("decode", stream, tmp_path / "out", "--force"), 1, "mine.txt")
     assert names(tmp_path / "out") == ["mine.txt"]
+    (tmp_path / "out" / "mine.txt").rename(tmp_path / "out" / "frame_9999.ply")
     assert dfcgs("decode", stream, tmp_path / "out", "--force").returncode == 0
     assert names(tmp_path / "out") == names(decoded)
 

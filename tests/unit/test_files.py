@@ -51,22 +51,22 @@ def test_an_error_leaves_no_file(tmp_path: Path, error: type[BaseException]) -> 
 
 def test_an_error_keeps_the_old_file(tmp_path: Path) -> None:
     target = tmp_path / "out.dgs"
-    target.write_bytes(b"old")
+    target.write_bytes(b"frame_old.ply")
     with pytest.raises(ValueError):
         write_half(target, ValueError, force=True)
-    assert target.read_bytes() == b"old"
+    assert target.read_bytes() == b"frame_old.ply"
     assert names(tmp_path) == ["out.dgs"]
 
 
 def test_an_existing_file_needs_force(tmp_path: Path) -> None:
     target = tmp_path / "out.dgs"
-    target.write_bytes(b"old")
+    target.write_bytes(b"frame_old.ply")
     with (
         pytest.raises(InputError, match=r"out\.dgs exists; --force"),
         replace_when_whole(target, force=False),
     ):
         pass
-    assert target.read_bytes() == b"old"
+    assert target.read_bytes() == b"frame_old.ply"
     with replace_when_whole(target, force=True) as file:
         file.write(b"new")
     assert target.read_bytes() == b"new"
@@ -134,10 +134,10 @@ def test_an_error_leaves_no_folder(tmp_path: Path, error: type[BaseException]) -
 def test_a_full_folder_needs_force(tmp_path: Path) -> None:
     target = tmp_path / "out"
     target.mkdir()
-    (target / "old").touch()
+    (target / "frame_old.ply").touch()
     with pytest.raises(InputError, match="--force"), replace_folder_when_whole(target, force=False):
         pass
-    assert names(target) == ["old"]
+    assert names(target) == ["frame_old.ply"]
     with replace_folder_when_whole(target, force=True) as folder:
         (folder / "new").touch()
     assert names(target) == ["new"]
@@ -146,10 +146,10 @@ def test_a_full_folder_needs_force(tmp_path: Path) -> None:
 def test_an_error_keeps_the_old_folder(tmp_path: Path) -> None:
     target = tmp_path / "out"
     target.mkdir()
-    (target / "old").touch()
+    (target / "frame_old.ply").touch()
     with pytest.raises(ValueError):
         fill_half(target, ValueError, force=True)
-    assert names(target) == ["old"]
+    assert names(target) == ["frame_old.ply"]
     assert names(tmp_path) == ["out"]
 
 

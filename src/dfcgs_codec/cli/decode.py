@@ -12,7 +12,7 @@ from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.salvage import salvage
 from dfcgs_codec.errors import CorruptBitstream
-from dfcgs_codec.files import replace_folder_when_whole
+from dfcgs_codec.files import FRAME_NAME, replace_folder_when_whole
 from dfcgs_codec.ply import write_ply
 
 _EPILOG = """
@@ -61,7 +61,7 @@ def _run(file: BinaryIO, folder: Path | None, values: dict[str, Any]) -> int:
     with progress_bar("decoding", values["quiet"]) as progress:
         for frame in frames:
             if folder is not None:
-                write_ply(folder / f"frame_{frame.number:04d}.ply", frame.cloud())
+                write_ply(folder / FRAME_NAME.format(frame.number), frame.cloud())
             done += 1
             progress(done, max(total, done))
     for loss in losses:
@@ -79,7 +79,7 @@ def _run(file: BinaryIO, folder: Path | None, values: dict[str, Any]) -> int:
 @click.option(
     "--salvage", is_flag=True, help="Write all frames that a damaged or truncated file still holds."
 )
-@click.option("--force", is_flag=True, help="Replace an existing folder.")
+@click.option("--force", is_flag=True, help="Replace an existing folder of frames.")
 @click.option("--quiet", "-q", is_flag=True, help="Print nothing but errors and losses.")
 def decode(file: Path, output_dir: Path | None, **values: Any) -> None:
     """Decode FILE (.dgs) into OUTPUT_DIR, one frame_NNNN.ply per frame, numbered as the input was."""

@@ -12,6 +12,7 @@ from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
+from dfcgs_codec.errors import CorruptBitstream
 
 #: longer than any frame header
 _HEADER_BYTES = 512
@@ -137,4 +138,6 @@ def probe(path: Path | str) -> SequenceInfo:
         container = ContainerReader(file)
         info = SequenceInfo(container.sequence, container.size)
         _collect(container, info)
+    if not info.frames:
+        raise CorruptBitstream("the file has no frames")
     return info
