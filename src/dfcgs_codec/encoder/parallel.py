@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import signal
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 
 from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder, SequencePlan
 from dfcgs_codec.errors import InputError
@@ -15,6 +17,7 @@ from dfcgs_codec.sequence import FrameSource
 
 #: segments in flight per process, so that a fast process never waits and memory stays bounded
 _SEGMENTS_PER_JOB = 2
+_BLAS_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _worker: SegmentEncoder | None = None
 
 
@@ -28,6 +31,18 @@ def _start_worker(source: FrameSource, plan: SequencePlan) -> None:
 def _work(segment: tuple[int, int]) -> CodedSegment:
     assert _worker is not None
     return _worker.encode(*segment)
+
+
+@contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """Processes started meanwhile use one BLAS thread each: more would fight over the cores."""
+    unset = [name for name in _BLAS_VARIABLES if name not in os.environ]
+    os.environ.update(dict.fromkeys(unset, "1"))
+    try:
+        yield
+    finally:
+        for name in unset:
+            os.environ.pop(name, None)
 
 
 def _in_order(
@@ -52,7 +67,7 @@ def code_in_parallel(
     jobs = min(plan.options.jobs, len(segments))
     context = multiprocessing.get_context("spawn")
     before = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(jobs, context, _start_worker, (source, plan)) as pool:
+    with _one_blas_thread(), ProcessPoolExecutor(jobs, context, _start_worker, (source, plan)) as pool:
         try:
             yield from _in_order(pool, segments, _SEGMENTS_PER_JOB * jobs)
         except BrokenProcessPool:
