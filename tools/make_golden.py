@@ -1,8 +1,8 @@
 """Write the conformance streams: `make golden`.
 
 Valid streams with the hash and the PLY bytes of every frame, faulty ones with the error that refuses them.
-Released streams are frozen: existing files are only replaced with --new-version, which belongs to a new
-version of the bitstream.
+Released streams are frozen: only those that are missing are added. --new-version writes all of them anew and
+belongs to a new version of the bitstream.
 """
 
 from __future__ import annotations
@@ -14,12 +14,23 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
-from dfcgs_codec.bitstream.constants import BITSTREAM_VERSION, ChunkType, IntraKind, OutputOrder
+from dfcgs_codec import Bound, EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec.bitstream.constants import (
+    BITSTREAM_VERSION,
+    LEVELS,
+    STATE_LIMIT,
+    ChunkType,
+    IntraKind,
+    OutputOrder,
+)
+from dfcgs_codec.bitstream.frame_headers import IntraHeader
+from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
+from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.ply import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -33,6 +44,12 @@ Sequence = tuple[list[GaussianCloud], EncoderOptions]
 def _flipping_signs() -> list[GaussianCloud]:
     cloud = helpers.real_cloud(60)
     return [replace(cloud, rotations=cloud.rotations * np.float32((-1) ** i)) for i in range(3)]
+
+
+def _scattered(count: int) -> GaussianCloud:
+    """Small Gaussians so far apart that a sort key cannot hold their positions."""
+    cloud = helpers.make_cloud(count)
+    return replace(cloud, positions=cloud.positions * np.float32(1e4), scales=cloud.scales - 2)
 
 
 def valid_sequences() -> dict[str, Sequence]:
@@ -58,7 +75,32 @@ def valid_sequences() -> dict[str, Sequence]:
             EncoderOptions(intra=IntraKind.PLY, order=OutputOrder.INPUT),
         ),
         "sign_flips": (_flipping_signs(), EncoderOptions(keep_axes=True)),
+        "lost_order": (
+            [helpers.make_cloud(80), helpers.shuffled(helpers.make_cloud(80))],
+            EncoderOptions(gof_size=1, order=OutputOrder.INPUT),
+        ),
+        "raw_position_bits": ([_scattered(100)], EncoderOptions(qp=0, order=OutputOrder.FREE)),
+        "histograms": (helpers.drifting(helpers.real_cloud(1000), 2), EncoderOptions(qp=34)),
+        "every_gof_a_frame": (helpers.drifting(helpers.make_cloud(60), 4), EncoderOptions(gof_size=1)),
+        "long_gof": (helpers.all_changing(helpers.make_cloud(70), 12), EncoderOptions(gof_size=12)),
+        "bounded": (
+            helpers.all_changing(helpers.clustered_cloud(90, 1), 3),
+            EncoderOptions(bounds=(Bound("position", 0.001), Bound("alpha", 0.01))),
+        ),
+        "odd_rate": (
+            helpers.still(helpers.make_cloud(5), 2),
+            EncoderOptions(frame_rate=Fraction(30000, 1001)),
+        ),
     }
+
+
+def _with_gaps(data: bytes) -> bytes:
+    """Frame numbers 3, 4, 9 and 20 in place of 0 to 3."""
+    chunks = helpers.split_chunks(data)
+    header = SequenceHeader.read(ByteReader(chunks[0].payload))
+    writer = ByteWriter()
+    replace(header, frame_numbers=FrameNumbers.of([3, 4, 9, 20])).write(writer)
+    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
 
 
 def _chunks_with(data: bytes, change: Callable[[helpers.Chunk], helpers.Chunk]) -> bytes:
@@ -87,6 +129,76 @@ def _with_chunk(data: bytes, chunk_type: int) -> bytes:
 def _without_intra(data: bytes) -> bytes:
     kept = [c for c in helpers.split_chunks(data) if c.chunk_type != ChunkType.INTRA_FRAME]
     return helpers.join_chunks(kept, index=b"\x01\x04\x10")
+
+
+def _changed_intra(data: bytes, change: Callable[[IntraHeader], IntraHeader], more: bytes = b"") -> bytes:
+    """The file with the headers of its I-frames changed, and bytes appended to their payloads."""
+    sequence = SequenceHeader.read(ByteReader(helpers.split_chunks(data)[0].payload))
+
+    def rewrite(chunk: helpers.Chunk) -> helpers.Chunk:
+        if chunk.chunk_type != ChunkType.INTRA_FRAME:
+            return chunk
+        reader = ByteReader(chunk.payload)
+        header = IntraHeader.read(reader, sequence)
+        writer = ByteWriter()
+        change(header).write(writer)
+        return replace(chunk, payload=writer.getvalue() + reader.raw(reader.remaining) + more)
+
+    return _chunks_with(data, rewrite)
+
+
+def _with_opacity_unit(data: bytes, exponent: int) -> bytes:
+    chunks = helpers.split_chunks(data)
+    header = SequenceHeader.read(ByteReader(chunks[0].payload))
+    writer = ByteWriter()
+    replace(header, unit_exponents=replace(header.unit_exponents, opacity=exponent)).write(writer)
+    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
+
+
+def _without(data: bytes, chunk_type: int) -> bytes:
+    kept = [c for c in helpers.split_chunks(data) if c.chunk_type != chunk_type]
+    return helpers.join_chunks(kept)
+
+
+def _longer(header: IntraHeader) -> IntraHeader:
+    return replace(header, lengths=(*header.lengths[:-1], header.lengths[-1] + 8))
+
+
+def _steps(value: int) -> Callable[[IntraHeader], IntraHeader]:
+    return lambda header: replace(header, steps=dict.fromkeys(header.steps, value))
+
+
+def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, str]]:
+    """Files with right checksums whose contents cannot be; `moving` has P-frames with residuals."""
+    level_limit = LEVELS[1].max_gaussians
+    damaged = bytearray(_with_chunk(valid, 0xB3))
+    damaged[damaged.index(b"of another time")] ^= 1
+    long_integer = b"\x80\x00"
+    header = helpers.split_chunks(valid)[0]
+    stretched = replace(header, payload=header.payload[:5] + long_integer + header.payload[6:])
+    return {
+        "no_gaussians": (_changed_intra(valid, lambda h: replace(h, num_gaussians=0)), "CorruptBitstream"),
+        "too_many_gaussians": (
+            _changed_intra(valid, lambda h: replace(h, num_gaussians=level_limit + 1)),
+            "LimitExceeded",
+        ),
+        "step_0": (_changed_intra(valid, _steps(0)), "CorruptBitstream"),
+        "step_too_large": (_changed_intra(valid, _steps(STATE_LIMIT + 1)), "LimitExceeded"),
+        "spare_words": (_changed_intra(valid, _longer, bytes(8)), "CorruptBitstream"),
+        "spare_bytes": (_changed_intra(valid, lambda h: h, bytes(4)), "CorruptBitstream"),
+        "coarse_opacity": (_with_opacity_unit(valid, -10), "LimitExceeded"),
+        "missing_residual": (_without(moving, ChunkType.RESIDUAL), "CorruptBitstream"),
+        "missing_frames": (_without(moving, ChunkType.INTER_FRAME), "CorruptBitstream"),
+        "damaged_ancillary_chunk": (bytes(damaged), "CorruptBitstream"),
+        "long_integer": (
+            helpers.join_chunks([stretched, *helpers.split_chunks(valid)[1:]]),
+            "CorruptBitstream",
+        ),
+        "unknown_attribute": (
+            _chunks_with(valid, _in_chunk(ChunkType.INTER_FRAME, 16, 0x80)),
+            "CorruptBitstream",
+        ),
+    }
 
 
 def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
@@ -127,37 +239,63 @@ def _expectation(path: Path) -> dict[str, list[str]]:
     return {"frame_hashes": hashes, "ply_sha256": digests}
 
 
-def make() -> None:
-    """Write all streams and what is expected of them."""
-    expected: dict[str, object] = {"bitstream_version": BITSTREAM_VERSION}
-    for name in ("valid", "faulty"):
-        (FOLDER / name).mkdir(parents=True, exist_ok=True)
-    valid = {}
+def _read(name: str) -> bytes:
+    return (FOLDER / "valid" / f"{name}.dgs").read_bytes()
+
+
+def _derived() -> dict[str, bytes]:
+    """Valid streams made from others."""
+    return {
+        "ancillary_chunk": _with_chunk(_read("skipped_frames_sh0"), 0xB3),
+        "numbers_with_gaps": _with_gaps(_read("skipped_frames_sh0")),
+    }
+
+
+def _make_valid(expected: dict[str, object]) -> None:
     for name, (frames, options) in valid_sequences().items():
-        path = FOLDER / "valid" / f"{name}.dgs"
-        encode_sequence(frames, path, options, force=True)
-        valid[name] = _expectation(path)
-    skipping = FOLDER / "valid" / "ancillary_chunk.dgs"
-    plain = (FOLDER / "valid" / "skipped_frames_sh0.dgs").read_bytes()
-    skipping.write_bytes(_with_chunk(plain, 0xB3))
-    valid["ancillary_chunk"] = _expectation(skipping)
-    faulty = {}
-    for name, (data, error) in faulty_streams(plain).items():
-        (FOLDER / "faulty" / f"{name}.dgs").write_bytes(data)
-        faulty[name] = error
-    expected |= {"valid": valid, "faulty": faulty}
-    (FOLDER / "expected.json").write_text(json.dumps(expected, indent=1) + "\n")
+        if name not in expected:
+            encode_sequence(frames, FOLDER / "valid" / f"{name}.dgs", options, force=True)
+    for name, data in _derived().items():
+        if name not in expected:
+            (FOLDER / "valid" / f"{name}.dgs").write_bytes(data)
+    for path in sorted((FOLDER / "valid").glob("*.dgs")):
+        if path.stem not in expected:
+            expected[path.stem] = _expectation(path)
+
+
+def _make_faulty(expected: dict[str, object]) -> None:
+    plain, moving = _read("skipped_frames_sh0"), _read("input_order_sh1")
+    streams = faulty_streams(plain) | more_faulty_streams(plain, moving)
+    for name, (data, error) in streams.items():
+        if name not in expected:
+            (FOLDER / "faulty" / f"{name}.dgs").write_bytes(data)
+            expected[name] = error
+
+
+def make(*, new_version: bool) -> int:
+    """Write the streams that are missing, or all, and what is expected of them; returns how many."""
+    path = FOLDER / "expected.json"
+    expected: dict[str, dict[str, object]] = {"valid": {}, "faulty": {}}
+    if path.exists() and not new_version:
+        known = json.loads(path.read_text())
+        if known["bitstream_version"] != BITSTREAM_VERSION:
+            raise SystemExit(f"{path} is of another bitstream version; --new-version replaces all streams")
+        expected = {kind: known[kind] for kind in expected}
+    before = sum(map(len, expected.values()))
+    for name in expected:
+        (FOLDER / name).mkdir(parents=True, exist_ok=True)
+    _make_valid(expected["valid"])
+    _make_faulty(expected["faulty"])
+    path.write_text(json.dumps({"bitstream_version": BITSTREAM_VERSION} | expected, indent=1) + "\n")
+    return sum(map(len, expected.values())) - before
 
 
 def main() -> int:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--new-version", action="store_true", help="replace the streams that exist")
-    arguments = parser.parse_args()
-    if any(FOLDER.glob("*/*.dgs")) and not arguments.new_version:
-        print(f"{FOLDER} holds streams; they are frozen. --new-version replaces them", file=sys.stderr)
-        return 1
-    make()
+    written = make(new_version=parser.parse_args().new_version)
+    print(f"{written} streams written to {FOLDER}; those that existed are frozen", file=sys.stderr)
     return 0
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import itertools
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from dfcgs_codec import Bound, EncoderOptions, GaussianCloud, InputError, decode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder
@@ -151,6 +154,53 @@ def test_a_finer_quality_takes_more_bytes(tmp_path: Path) -> None:
     frames = drifting(make_cloud(200, 1), 2)
     sizes = [encode(frames, tmp_path / "a.dgs", EncoderOptions(qp=qp)).num_bytes for qp in (40, 30, 20, 10)]
     assert sizes == sorted(sizes)
+
+
+@st.composite
+def sequences(draw: st.DrawFn) -> list[GaussianCloud]:
+    """Frames each made from the one before by something that happens to sequences."""
+    degree = draw(st.integers(0, 2))
+    frames = [make_cloud(draw(st.integers(1, 24)), degree, draw(st.integers(0, 99)))]
+    changes = {
+        "same": lambda cloud: cloud,
+        "moved": lambda cloud: drifting(cloud, 2)[1],
+        "changed": lambda cloud: all_changing(cloud, 2)[1],
+        "shuffled": shuffled,
+        "cut": lambda cloud: make_cloud(cloud.num_gaussians, degree, 7),
+        "born": lambda cloud: make_cloud(cloud.num_gaussians + 3, degree, 8),
+        "died": lambda cloud: cloud.take(np.arange(cloud.num_gaussians // 2 + 1)),
+        "far": lambda cloud: with_outliers(cloud, 1, 8.0),
+    }
+    for name in draw(st.lists(st.sampled_from(sorted(changes)), max_size=4)):
+        frames.append(changes[name](frames[-1]))
+    return frames
+
+
+OPTIONS = st.builds(
+    EncoderOptions,
+    qp=st.integers(4, 46),
+    gof_size=st.integers(1, 5),
+    intra=st.sampled_from(IntraKind),
+    order=st.just(INPUT),
+    zero_bin=st.sampled_from([0.5, 0.6, 1.0]),
+    keep_axes=st.booleans(),
+    bounds=st.sampled_from([(), (Bound("position", 0.02),), (Bound("alpha", 0.05), Bound("sh", 0.05))]),
+)
+
+
+@settings(max_examples=50)
+@given(sequences(), OPTIONS)
+def test_anything_that_happens_with_any_options(frames: list[GaussianCloud], options: EncoderOptions) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            decoded = round_trip(frames, Path(folder) / "a.dgs", options)
+        except InputError as error:
+            # a scene may grow beyond what its first frame let expect
+            assume("reach" not in str(error))
+            raise
+    steps = steps_of(frames, options)
+    for source, cloud in zip(frames, decoded, strict=True):
+        check_close(source, cloud, steps, options.zero_bin)
 
 
 # --- identity -----------------------------------------------------------------------------------------

@@ -41,7 +41,7 @@ _MAX_FIT_ROWS = 24_000
 #: a weight must save this many bits
 _WEIGHT_COST = 10.0
 #: bits per symbol that neighbours, always the first feature, must save to be worth their time
-_NEIGHBOUR_COST = 0.03
+_NEIGHBOUR_COST = 0.015
 _ESCAPE_LENGTH_BITS = 5
 
 

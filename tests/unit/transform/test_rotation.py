@@ -101,6 +101,26 @@ def test_multiply_is_the_hamilton_product() -> None:
     assert np.abs(length(product) - 1).max() < 1e-6
 
 
+def hamilton(a: list[int], b: list[int]) -> list[int]:
+    """The product of unlimited integers, rounded to nearest, halves up."""
+    (w, x, y, z), (s, i, j, k) = a, b
+    product = [
+        w * s - x * i - y * j - z * k,
+        w * i + x * s + y * k - z * j,
+        w * j - x * k + y * s + z * i,
+        w * k + x * j - y * i + z * s,
+    ]
+    return [(value + ONE // 2) // ONE for value in product]
+
+
+def test_multiply_rounds_to_nearest() -> None:
+    a, b = unit_quaternions(300, 3), unit_quaternions(300, 4)
+    rows = zip(a.tolist(), b.tolist(), strict=True)
+    assert multiply(a, b).tolist() == [hamilton(*row) for row in rows]
+    extreme = np.array([[2 * ONE, -2 * ONE, 2 * ONE, -2 * ONE]])
+    assert multiply(extreme, -extreme).tolist() == [hamilton(extreme[0].tolist(), (-extreme[0]).tolist())]
+
+
 def test_multiply_by_one_changes_nothing() -> None:
     q = unit_quaternions(1000)
     one = np.broadcast_to(np.array([ONE, 0, 0, 0]), q.shape)
@@ -136,6 +156,16 @@ def test_normalise_does_not_overflow_at_the_extremes(row: list[int]) -> None:
     # the length of a tiny quaternion is an integer too
     tolerance = 2 if norm > 1000 else ONE / 2
     assert np.abs(found - np.array(row) / norm * ONE).max() <= tolerance
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, ONE - 1, ONE, ONE + 1, 2 * ONE])
+def test_normalise_along_an_axis_is_exact(length: int) -> None:
+    for axis in range(4):
+        row = np.zeros((1, 4), np.int64)
+        row[0, axis] = -length
+        expected = np.zeros((1, 4), np.int64)
+        expected[0, axis] = -ONE
+        assert np.array_equal(normalise(row), expected)
 
 
 def test_three_hundred_identity_turns_change_no_bit() -> None:

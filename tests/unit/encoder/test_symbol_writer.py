@@ -1,0 +1,83 @@
+"""The writer chooses, the reader follows: every side-information call in both directions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.codec.symbols import SymbolCoder
+from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.entropy.coder import uniform
+from dfcgs_codec.errors import CorruptBitstream
+
+
+def never() -> None:
+    raise AssertionError("a reader asked for evidence")
+
+
+def test_center_is_the_median() -> None:
+    writer = SymbolWriter()
+    assert writer.center(lambda: np.array([-5, 7, 9000])) == 7
+    assert SymbolReader(writer.getvalue()).center(never) == 7
+
+
+@pytest.mark.parametrize("choice", [0, 3, 15])
+def test_choice(choice: int) -> None:
+    writer = SymbolWriter()
+    assert writer.choice(16, lambda: choice) == choice
+    assert SymbolReader(writer.getvalue()).choice(16, never) == choice
+
+
+def test_weights_and_tables() -> None:
+    rng = np.random.default_rng(0)
+    feature = rng.integers(-99, 99, 500)
+    contexts = (np.abs(feature) > 40).astype(np.uint8)
+    writer = SymbolWriter()
+    weights = writer.weights(1, lambda: ([feature], feature // 2))
+    tables = writer.tables(4, lambda: (feature, contexts))
+    reader = SymbolReader(writer.getvalue())
+    assert abs(weights[0] - 128) <= 1
+    assert np.array_equal(reader.weights(1, never), weights)
+    assert np.array_equal(reader.tables(4, never), tables)
+    reader.finish()
+
+
+def test_histograms() -> None:
+    symbols, contexts = np.array([0, 0, 1, 2, 2, 2]), np.array([0, 0, 0, 2, 2, 2], np.uint8)
+    used = np.array([0, 2])
+    writer = SymbolWriter()
+    written = writer.histograms(used, 3, 3, lambda: (symbols, contexts))
+    read = SymbolReader(writer.getvalue()).histograms(used, 3, 3, never)
+    for a, b in zip(written, read, strict=True):
+        assert np.array_equal(a.frequencies, b.frequencies)
+    assert written[2].frequencies.argmax() == 2
+
+
+def layout_of(values: np.ndarray, bytes_if_predicted: int) -> bool:
+    """Whether the writer prefers a histogram; the reader finds the same layout."""
+
+    def predicted(coder: SymbolCoder) -> None:
+        assert isinstance(coder, SymbolWriter)
+        coder.code(np.zeros(8 * bytes_if_predicted, np.int64), uniform(2), 8 * bytes_if_predicted)
+
+    writer = SymbolWriter()
+    written = writer.layout(lambda: (values, None, predicted))
+    reader = SymbolReader(writer.getvalue())
+    assert reader.layout(never) == written
+    reader.finish()
+    return written is not None
+
+
+def test_the_smaller_way_is_chosen() -> None:
+    values = np.random.default_rng(0).integers(0, 16, 4000)
+    assert layout_of(values, 4000)
+    assert not layout_of(values, 1000)
+    assert not layout_of(np.arange(10), 4000)
+
+
+def test_an_empty_stream_is_all_zeros_and_no_error() -> None:
+    reader = SymbolReader(b"")
+    assert reader.choice(2, never) == 0
+    with pytest.raises(CorruptBitstream):
+        SymbolReader(b"\x01")
