@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 DEMO := out/demo
 
 .DEFAULT_GOAL := help
-.PHONY: help env demo test check format golden bench-speed bench-zstd bench-spz bench-memory bench clean
+.PHONY: help env demo test test-render check format golden bench-speed bench-zstd bench-spz bench-memory bench clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -33,6 +33,10 @@ demo: $(STAMP) ## the main job on a real moving sequence: make frames, encode, d
 
 test: $(STAMP) ## all tests
 	$(BIN)/python -m pytest -n 2
+
+test-render: $(STAMP) ## the tests of the evaluation's renderer, which needs numba (and torch for its oracle)
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,eval]'
+	$(BIN)/python -m pytest tests/evaluation
 
 check: $(STAMP) ## lint, types, import floors
 	$(BIN)/ruff check .

@@ -86,6 +86,19 @@ def test_tables(tables: np.ndarray) -> None:
     assert ((found >= 0) & (found < NUM_SHAPES * NUM_SCALES)).all()
 
 
+@pytest.mark.parametrize("table", [NUM_SHAPES * NUM_SCALES, 2 * NUM_SHAPES * NUM_SCALES])
+def test_tables_that_do_not_exist_are_corrupt(table: int) -> None:
+    with pytest.raises(CorruptBitstream, match="table index"):
+        code_tables(RangeWriter(), np.array([table]), 1)
+
+
+def test_contexts_beyond_the_last_are_corrupt() -> None:
+    writer = RangeWriter()
+    code_tables(writer, np.array([-1, -1, -1, 200, 200]), 5)
+    with pytest.raises(CorruptBitstream, match="at most"):
+        code_tables(RangeReader(writer.getvalue()), None, 4)
+
+
 def test_tables_that_rise_as_expected_are_cheap() -> None:
     expected = NUM_SCALES + 26 + 3 * np.arange(30)
     surprising = NUM_SCALES + np.random.default_rng(0).integers(0, NUM_SCALES, 30)
@@ -124,6 +137,12 @@ def test_levels_are_quarter_octaves() -> None:
     assert np.allclose(share[1:6], 2.0 ** (-np.array([4, 8, 1, 2, 3]) / 4), rtol=5e-3)
     assert frequencies[-1] == 1
     assert frequencies.sum() == 1 << 24
+
+
+@pytest.mark.parametrize("level", [-1, ABSENT_LEVEL + 1])
+def test_levels_out_of_range_are_corrupt(level: int) -> None:
+    with pytest.raises(CorruptBitstream, match="histogram level"):
+        histogram_models(RangeWriter(), np.array([[0, level, 0]]), np.array([0]), 1, 3)
 
 
 def test_an_empty_histogram_is_corrupt() -> None:
