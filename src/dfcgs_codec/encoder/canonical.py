@@ -50,7 +50,9 @@ class AxisNames:
     def rename_cloud(self, cloud: GaussianCloud) -> GaussianCloud:
         """The same for float values, in input order: what decoded values are to be compared with."""
         scales = np.take_along_axis(cloud.scales, self.order, axis=1)
-        w, x, y, z = cloud.rotations.astype(np.float64).T
+        wide = cloud.rotations.astype(np.float64)
+        # their length carries no meaning, and a long one would overflow float32 below
+        w, x, y, z = (wide / np.linalg.norm(wide, axis=1, keepdims=True)).T
         s, i, j, k = self.turns.T / ONE
         rotations = [
             w * s - x * i - y * j - z * k,

@@ -12,7 +12,7 @@ from dfcgs_codec.codec.dpb import FrameState, Plane, output
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.canonical import choose_axis_names
 from dfcgs_codec.gaussians import GaussianCloud
-from tests.helpers import covariances, make_cloud, shape_errors
+from tests.helpers import covariances, make_cloud, rotation_degrees, shape_errors
 
 UNITS = UnitExponents(-20, -20, -20, -20)
 
@@ -78,6 +78,23 @@ def test_names_of_one_frame_can_be_carried_to_another(cloud: GaussianCloud) -> N
     after = output(FrameState({a: Plane(v) for a, v in found.items()}), UNITS)
     size = np.abs(covariances(other)).max(axis=(1, 2))
     assert (np.abs(covariances(after) - covariances(other)).max(axis=(1, 2)) / size).max() < 1e-4
+
+
+def test_floats_are_renamed_like_integers(cloud: GaussianCloud) -> None:
+    names = choose_axis_names(planes_of(cloud))
+    found, expected = names.rename_cloud(cloud), renamed(cloud)
+    assert np.abs(found.scales - expected.scales).max() < 1e-5
+    assert rotation_degrees(found, expected).max() < 1e-4
+    assert np.allclose(covariances(found), covariances(cloud), rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("length", [1e-30, 1e30, 3e38])
+def test_the_length_of_a_quaternion_does_not_matter(cloud: GaussianCloud, length: float) -> None:
+    largest = np.abs(cloud.rotations).max(axis=1, keepdims=True)
+    other = replace(cloud, rotations=(cloud.rotations / largest) * np.float32(length))
+    names = choose_axis_names(planes_of(other))
+    assert np.isfinite(other.rotations).all()
+    assert rotation_degrees(names.rename_cloud(other), renamed(other)).max() < 1e-3
 
 
 def test_equal_scales_are_left_in_order() -> None:
