@@ -127,7 +127,7 @@ def test_repair(tmp_path: Path) -> None:
     fails(dfcgs("encode", tmp_path, tmp_path / "a.dgs"), 1, *words)
     done = dfcgs("encode", tmp_path, tmp_path / "a.dgs", "--repair")
     assert done.returncode == 0
-    assert "repaired: frame_0000.ply" in done.stderr
+    assert "note: frame_0000.ply" in done.stderr
 
 
 def test_extra_properties(tmp_path: Path) -> None:

@@ -352,7 +352,8 @@ def test_the_report_says_what_is_measured(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["position", "rotation", "scale", "alpha", "colour", "sh"])
-@pytest.mark.parametrize("count", [3, 40, 300])
+# three positions may happen to lie on the finest grid, and then the bound is kept
+@pytest.mark.parametrize("count", [40, 300])
 def test_a_bound_below_float32_is_refused_and_leaves_nothing(name: str, count: int, tmp_path: Path) -> None:
     frames = still(make_cloud(count, 1), 2)
     options = EncoderOptions(bounds=(Bound(name, 1e-12),))

@@ -157,7 +157,7 @@ def encode(frames_dir: Path, output: Path, **values: Any) -> None:
     with progress_bar("encoding", values["quiet"]) as progress:
         report = encode_sequence(source, output, options, force=values["force"], progress=progress)
     for note in report.notes:
-        click.echo(f"repaired: {note}", err=True)
+        click.echo(f"note: {note}", err=True)
     if values["verify"]:
         _verify(output)
     if values["as_json"]:

@@ -116,7 +116,7 @@ class _Evidence:
     def magnitudes(self, predictor: _Predictor) -> tuple[list[Int64], Int64]:
         """Features and goal of the activity's weights; bits as in `_Predictor.contexts`."""
         _, deviation = self._neighbours(predictor.center)
-        # 256 is one, so that the weight of the constant is in 1/256 of a symbol like the others
+        # its weight is a magnitude in 1/256 of a symbol
         constant = np.ones(len(deviation), np.int64)
         sources = [*self._earlier.magnitudes, *self._earlier.hints]
         features = [round_weighted(deviation, 8), constant, *sources]

@@ -23,9 +23,6 @@ from dfcgs_codec.sequence import FrameSource
 #: called with (frames done, frames in all)
 Progress = Callable[[int, int], None]
 
-#: room for a scene to grow beyond its first frame before coordinates must be clipped
-_REACH_MARGIN = 16.0
-
 
 def _level(max_gaussians: int, num_frames: int) -> int:
     for level, limits in LEVELS.items():
@@ -53,7 +50,7 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
         raise InputError("no frames to encode")
     counts = [header.num_gaussians for header in headers]
     first, _ = source.read(0)
-    reach = float(np.abs(first.positions).max()) * _REACH_MARGIN
+    reach = float(np.abs(first.positions).max())
     quantisation = plan_quantisation(options.qp, options.bounds, first, reach)
     header = SequenceHeader(
         profile=Profile.MAIN,
@@ -86,7 +83,7 @@ def _coded_segments(source: FrameSource, plan: SequencePlan) -> Iterator[CodedSe
 def _write(
     file: BinaryIO, source: FrameSource, plan: SequencePlan, progress: Progress | None
 ) -> EncodeReport:
-    report = EncodeReport()
+    report = EncodeReport(notes=list(plan.quantisation.notes))
     writer = ContainerWriter(file, plan.header)
     writer.chunk(ChunkType.ENCODER_INFO, 0, plan.options.describe().encode())
     for segment in _coded_segments(source, plan):

@@ -5,11 +5,13 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from types import FrameType
 
 from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder, SequencePlan
 from dfcgs_codec.errors import InputError
@@ -45,12 +47,35 @@ def _one_blas_thread() -> Iterator[None]:
             os.environ.pop(name, None)
 
 
+@contextmanager
+def _interrupt_later() -> Iterator[None]:
+    """Hold an interrupt back: a pool that is interrupted while it starts cannot be shut down."""
+    previous = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or previous is None:
+        yield
+        return
+    held: list[FrameType | None] = []
+    signal.signal(signal.SIGINT, lambda _, frame: held.append(frame))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, previous)
+    if held:
+        signal.raise_signal(signal.SIGINT)
+
+
+def _submit(pool: ProcessPoolExecutor, segment: tuple[int, int]) -> Future[CodedSegment]:
+    # the first submissions start the processes
+    with _interrupt_later():
+        return pool.submit(_work, segment)
+
+
 def _in_order(
     pool: ProcessPoolExecutor, segments: list[tuple[int, int]], in_flight: int
 ) -> Iterator[CodedSegment]:
     waiting: deque[Future[CodedSegment]] = deque()
     for segment in segments:
-        waiting.append(pool.submit(_work, segment))
+        waiting.append(_submit(pool, segment))
         if len(waiting) >= in_flight:
             yield waiting.popleft().result()
     while waiting:

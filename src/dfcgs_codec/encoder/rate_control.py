@@ -44,8 +44,12 @@ BOUND_UNITS = {
 SH_C0 = 0.28209479177387814
 #: at least this many grid units to a step, so that the grid's own rounding hardly counts
 _UNITS_PER_STEP_LOG2 = 6
+#: what room to grow must leave of them
+_FEWEST_UNITS_LOG2 = 5
 _COARSEST_EXPONENT = -12
 _FINEST_EXPONENT = -60
+#: later frames may reach 16 times as far as the first
+_ROOM_TO_GROW_LOG2 = 4
 _MAX_REACH_LOG2 = 80
 
 
@@ -85,6 +89,7 @@ class Quantisation:
     units: UnitExponents
     steps: dict[Attribute, int]
     bounded: frozenset[Attribute]
+    notes: tuple[str, ...] = ()
 
 
 def median_size(cloud: GaussianCloud) -> float:
@@ -94,6 +99,14 @@ def median_size(cloud: GaussianCloud) -> float:
 
 def _exponent(step: float, coarsest: int) -> int:
     return max(_FINEST_EXPONENT, min(coarsest, math.floor(math.log2(step)) - _UNITS_PER_STEP_LOG2))
+
+
+def _position_exponent(step: float, reach: float) -> int:
+    """Many units to a step, as far as the grid still holds `reach`, and if it can some times more."""
+    holding = math.ceil(math.log2(max(reach, 2.0**-60))) - 28
+    # room to grow is never bought with precision
+    roomy = min(holding + _ROOM_TO_GROW_LOG2, math.floor(math.log2(step)) - _FEWEST_UNITS_LOG2)
+    return max(holding, roomy, _exponent(step, 40))
 
 
 def _exponents(units: UnitExponents) -> dict[Attribute, int]:
@@ -125,8 +138,8 @@ def plan_quantisation(
 ) -> Quantisation:
     """Grids and steps for a sequence.
 
-    `first` is its first frame; `reach` the largest |coordinate| it must hold: the position grid is made
-    coarser where 2**29 of its units would not do.
+    `first` is its first frame; `reach` the largest |coordinate| it must hold. Where 2**29 steps do not
+    reach that far, the position step grows for all Gaussians, and a note says so.
     """
     factor = 2.0 ** ((qp - REFERENCE_QP) / QP_PER_OCTAVE)
     real = {attribute: step * factor for attribute, step in _REFERENCE_STEPS.items()}
@@ -138,9 +151,9 @@ def plan_quantisation(
         raise InputError(
             f"positions reach {reach:g} scene units; scenes up to 2**{_MAX_REACH_LOG2} can be coded"
         )
-    holding = math.ceil(math.log2(max(reach, 2.0**-60))) - 28
+    position = real[Attribute.POSITION]
     units = UnitExponents(
-        position=max(holding, _exponent(real[Attribute.POSITION], 40)),
+        position=_position_exponent(position, reach),
         scale=_exponent(real[Attribute.SCALE], _COARSEST_EXPONENT),
         opacity=_exponent(real[Attribute.OPACITY], _COARSEST_EXPONENT),
         color=_exponent(min(real[a] for a in colours), _COARSEST_EXPONENT),
@@ -152,4 +165,10 @@ def plan_quantisation(
         # the input's own rounding to the grid takes one unit of a bounded step
         units_per_step = math.floor(grid) - 1 if attribute in limits else round(grid)
         steps[attribute] = min(max(1, units_per_step), STATE_LIMIT)
-    return Quantisation(units, steps, frozenset(limits))
+    notes = []
+    if 2.0**units.position > position:
+        notes.append(
+            f"a position reaches {reach:g}: the position step of all Gaussians grows from {position:g} to "
+            f"{2.0**units.position:g}; remove such outliers to keep the scene sharp"
+        )
+    return Quantisation(units, steps, frozenset(limits), tuple(notes))

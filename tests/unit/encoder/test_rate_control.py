@@ -135,3 +135,19 @@ def test_a_rotation_bound_finer_than_the_symbols_is_refused() -> None:
 def test_an_unknown_bound_lists_the_known_ones() -> None:
     with pytest.raises(InputError, match=r"--bound colur: unknown; known are .*colour \(RGB"):
         Bound("colur", 1.0)
+
+
+@pytest.mark.parametrize("reach", [10.0, 1e3])
+def test_what_fits_the_grid_does_not_coarsen_it(reach: float) -> None:
+    near, far = plan(28, reach=1.0), plan(28, reach=reach)
+    assert far.notes == ()
+    assert real_steps(far)[Attribute.POSITION] == pytest.approx(
+        real_steps(near)[Attribute.POSITION], rel=0.02
+    )
+
+
+def test_an_outlier_that_coarsens_the_grid_is_noted() -> None:
+    near, far = plan(28, reach=1.0), plan(28, reach=1e15)
+    assert real_steps(far)[Attribute.POSITION] > 100 * real_steps(near)[Attribute.POSITION]
+    assert len(far.notes) == 1
+    assert "1e+15" in far.notes[0]
