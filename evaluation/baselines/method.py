@@ -14,7 +14,7 @@ from pathlib import Path
 
 
 class MethodUnavailable(RuntimeError):
-    """A package or program of a method is not installed, or not in the pinned version; says what to install."""
+    """A package or program is not installed, or not in the pinned version; says what to install."""
 
 
 class MethodRefused(RuntimeError):
