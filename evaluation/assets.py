@@ -8,7 +8,12 @@ from evaluation.record import REPOSITORY
 
 #: where larger scenes lie when they are there
 _BESIDE = REPOSITORY.parent / "shared" / "data"
-_FOLDERS = (_BESIDE / "splats", _BESIDE / "animated", REPOSITORY / "assets")
+_FOLDERS = (
+    _BESIDE / "splats",
+    _BESIDE / "animated",
+    REPOSITORY / "assets",
+    REPOSITORY / "assets" / "fitted",
+)
 
 
 def find_asset(*names: str) -> Path:

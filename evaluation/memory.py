@@ -7,12 +7,8 @@ codec reads every one of them.
 from __future__ import annotations
 
 import os
-import resource
-import subprocess
 import sys
 import tempfile
-import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +17,7 @@ import numpy as np
 from dfcgs_codec import GaussianCloud
 from dfcgs_codec.ply import read_ply, write_ply
 from evaluation.assets import find_asset
+from evaluation.fresh import run_fresh
 from evaluation.record import write_result
 from training.scenes import VARIANTS, SceneOptions, trained_sequence
 
@@ -55,34 +52,9 @@ def _make_frames(folder: Path) -> None:
         os.link(folder / f"source_{period[number % len(period)]}.bin", folder / f"frame_{number:04d}.ply")
 
 
-def _resident(pid: int) -> int:
-    """Bytes resident of a process and its descendants; 0 for one that has ended."""
-    try:
-        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    except (OSError, IndexError):
-        return 0
-    return pages * resource.getpagesize() + sum(_resident(int(child)) for child in children)
-
-
 def _run(arguments: list[str]) -> dict[str, Any]:
-    """Run `dfcgs` and watch the memory of all its processes together."""
-    start = time.perf_counter()
-    process = subprocess.Popen([sys.executable, "-m", "dfcgs_codec", *arguments])
-    peak = 0
-
-    def watch() -> None:
-        nonlocal peak
-        while process.poll() is None:
-            peak = max(peak, _resident(process.pid))
-            time.sleep(0.05)
-
-    watcher = threading.Thread(target=watch)
-    watcher.start()
-    code = process.wait()
-    watcher.join()
-    seconds = time.perf_counter() - start
-    return {"exit_code": code, "peak_mib": round(peak / 2**20, 1), "seconds": round(seconds, 1)}
+    run = run_fresh([sys.executable, "-m", "dfcgs_codec", *arguments])
+    return {"exit_code": run.exit_code, "peak_mib": run.peak_mib, "seconds": round(run.seconds, 1)}
 
 
 def main() -> None:

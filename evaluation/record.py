@@ -13,7 +13,18 @@ from typing import Any
 SCHEMA = 1
 RESULTS = Path(__file__).parent / "results"
 REPOSITORY = Path(__file__).parent.parent
-_PACKAGES = ("numpy", "scipy", "constriction", "plyfile", "zstandard", "gaussforge")
+_PACKAGES = (
+    "numpy",
+    "scipy",
+    "constriction",
+    "plyfile",
+    "numba",
+    "zstandard",
+    "gaussforge",
+    "splats4d",
+    "fourdgs",
+    "bjontegaard",
+)
 
 
 def _commit() -> str:

@@ -3,7 +3,7 @@
 Every attribute is on the codec's own grids and steps, Gaussians in the codec's Morton order. I-frames: bins,
 or differences of bins along the order, whichever is smaller. P-frames: differences of bins from the previous
 frame (the axes of rotations stay named as at the I-frame, signs continuous). Zigzag, byte planes, zstd
-level 19, one frame of zstd per attribute.
+level 19, one frame of zstd per attribute. Sizes only: `delta_zstd_file` is the codec with files and decoder.
 
 Rotations come in two forms. `quaternion`: the four components as bins, with the step that gives the
 same largest error in degrees as the codec's. `turn`: the codec's own symbols (stereographic turn about
@@ -21,6 +21,7 @@ import zstandard
 
 from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute
 from dfcgs_codec.transform.rotation import ONE, round_divide
+from evaluation.baselines.byte_planes import pack
 
 Int64 = npt.NDArray[np.int64]
 Planes = dict[Attribute, Int64]
@@ -30,23 +31,11 @@ _LEVEL = 19
 _QUATERNION_STEP = math.sqrt(3)
 
 
-def _byte_planes(values: Int64) -> bytes:
-    """Zigzag integers (N, C), column by column, low bytes first."""
-    zigzag = ((values << 1) ^ (values >> 63)).astype(np.uint64)
-    width = max(1, -(-int(zigzag.max()).bit_length() // 8))
-    planes = [
-        (zigzag[:, c] >> np.uint64(8 * b) & np.uint64(0xFF)).astype(np.uint8).tobytes()
-        for c in range(values.shape[1])
-        for b in range(width)
-    ]
-    return b"".join(planes)
-
-
 def compressed_size(values: Int64) -> int:
     """Bytes of integers (N, C) after byte planes and zstd; none at all where all are zero."""
     if not values.any():
         return 1
-    return len(zstandard.ZstdCompressor(level=_LEVEL).compress(_byte_planes(values)))
+    return len(zstandard.ZstdCompressor(level=_LEVEL).compress(pack(values)))
 
 
 def bins(planes: Planes, steps: dict[Attribute, int]) -> Planes:

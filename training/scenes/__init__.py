@@ -3,10 +3,12 @@
 animated_sequence   an animated glTF asset -> Gaussians on its surface
 trained_sequence    a static trained splat -> the same in motion
 stress_sequence     sequences that break codecs
+fitted_sequence     frames that were optimised against images, from a file of `assets/fitted`
 VARIANTS            a clean sequence -> noisy, drifting, semi-tracked, permuted, untracked, ...
 """
 
 from training.scenes.animated import animated_sequence
+from training.scenes.fitted import fitted_sequence
 from training.scenes.options import SceneOptions
 from training.scenes.semi_tracked import semi_tracked_with_ids
 from training.scenes.stress import STRESS, stress_sequence
@@ -19,6 +21,7 @@ __all__ = [
     "VARIANTS",
     "SceneOptions",
     "animated_sequence",
+    "fitted_sequence",
     "permuted_with_ids",
     "semi_tracked_with_ids",
     "stress_sequence",

@@ -17,20 +17,26 @@ from dfcgs_codec.transform.companding import ALPHA_PER_UNIT
 MIN_QP, MAX_QP = 0, 51
 #: the step doubles every six QP
 QP_PER_OCTAVE = 6
-#: QP of each quality name; provisional until rendered images are measured
-QUALITIES = {"low": 36, "medium": 28, "high": 20, "transparent": 10}
-REFERENCE_QP = 28
-#: steps at the reference QP; position: in median Gaussian sizes; rotation: stereographic
-_REFERENCE_STEPS = {
-    Attribute.POSITION: 0.25,
-    Attribute.SCALE: 1 / 16,
-    Attribute.ROTATION: 1 / 256,
-    Attribute.OPACITY: 1 / 16,
-    Attribute.SH_DC: 1 / 24,
+#: below the reference QP the position's step halves faster: the error it causes shrinks with the 1.3rd power
+#: of the step only, not with its square, because Gaussians that swap places in depth change the image at once
+FINE_POSITION_QP_PER_OCTAVE = 4
+#: QP of each quality name: transparent is 50 dB and high 42 dB or better on every evaluation scene
+QUALITIES = {"low": 34, "medium": 28, "high": 21, "transparent": 12}
+REFERENCE_QP = 22
+#: steps at the reference QP and for REFERENCE_VALUES values to a Gaussian (SH degree 2); position: in typical
+#: Gaussian sizes; rotation: stereographic. Their ratios give the last bit of each attribute about the same
+#: effect in the rendered image (evaluation/allocation.py)
+REFERENCE_STEPS = {
+    Attribute.POSITION: 1 / 8,
+    Attribute.SCALE: 1 / 10,
+    Attribute.ROTATION: 1 / 80,
+    Attribute.OPACITY: 1 / 6,
+    Attribute.SH_DC: 1 / 20,
     Attribute.SH_1: 1 / 16,
-    Attribute.SH_2: 1 / 12,
-    Attribute.SH_3: 1 / 12,
+    Attribute.SH_2: 1 / 16,
+    Attribute.SH_3: 1 / 16,
 }
+REFERENCE_VALUES = 37
 #: what `--bound` accepts, and its unit
 BOUND_UNITS = {
     "position": "scene units, Euclidean",
@@ -92,9 +98,26 @@ class Quantisation:
     notes: tuple[str, ...] = ()
 
 
-def median_size(cloud: GaussianCloud) -> float:
-    """Median over Gaussians of the geometric mean of their three standard deviations, scene units."""
-    return float(np.exp(np.clip(np.median(cloud.scales.mean(axis=1)), -60, 60)))
+def typical_size(cloud: GaussianCloud) -> float:
+    """Median over Gaussians of the geometric mean of their three standard deviations, scene units.
+
+    An axis thinner than a sixteenth of the middle one counts as a sixteenth: discs are not small.
+    """
+    thin, middle, long = np.sort(cloud.scales, axis=1).T
+    thin = np.maximum(thin, middle - math.log(16.0))
+    return float(np.exp(np.clip(np.median((thin + middle + long) / 3.0), -60, 60)))
+
+
+def _factor(attribute: Attribute, qp: float, first: GaussianCloud) -> float:
+    """Step relative to the reference step.
+
+    The errors of all values add up in the image: where a Gaussian has more of them, each must be smaller for
+    the image to be as good, so that a quality means the same at every SH degree.
+    """
+    values = 3 + 3 + 3 + 1 + 3 + first.sh_rest[0].size
+    fine_position = attribute == Attribute.POSITION and qp < REFERENCE_QP
+    octave = FINE_POSITION_QP_PER_OCTAVE if fine_position else QP_PER_OCTAVE
+    return math.sqrt(REFERENCE_VALUES / values) * math.exp2((qp - REFERENCE_QP) / octave)
 
 
 def _exponent(step: float, coarsest: int) -> int:
@@ -141,9 +164,8 @@ def plan_quantisation(
     `first` is its first frame; `reach` the largest |coordinate| it must hold. Where 2**29 steps do not
     reach that far, the position step grows for all Gaussians, and a note says so.
     """
-    factor = 2.0 ** ((qp - REFERENCE_QP) / QP_PER_OCTAVE)
-    real = {attribute: step * factor for attribute, step in _REFERENCE_STEPS.items()}
-    real[Attribute.POSITION] *= median_size(first)
+    real = {attribute: step * _factor(attribute, qp, first) for attribute, step in REFERENCE_STEPS.items()}
+    real[Attribute.POSITION] *= typical_size(first)
     limits = _limits(bounds)
     real |= limits
     colours = (Attribute.SH_DC, *SH_BANDS)

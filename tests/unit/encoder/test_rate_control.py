@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,15 +14,18 @@ from dfcgs_codec.encoder.rate_control import (
     BOUND_UNITS,
     MAX_QP,
     QUALITIES,
+    REFERENCE_QP,
     Bound,
     Quantisation,
-    median_size,
     plan_quantisation,
+    typical_size,
 )
 from dfcgs_codec.errors import InputError
+from dfcgs_codec.gaussians import GaussianCloud
 from tests.helpers import make_cloud
 
 CLOUD = make_cloud(200, 3)
+SH_2 = make_cloud(200, 2)
 
 
 def real_steps(quantisation: Quantisation) -> dict[Attribute, float]:
@@ -36,21 +40,37 @@ def real_steps(quantisation: Quantisation) -> dict[Attribute, float]:
     return {a: step * 2.0 ** exponents.get(a, units.color) for a, step in quantisation.steps.items()}
 
 
-def plan(qp: float = 28, *bounds: Bound, reach: float = 100.0) -> Quantisation:
-    return plan_quantisation(qp, bounds, CLOUD, reach)
+def plan(qp: float = 28, *bounds: Bound, reach: float = 100.0, cloud: GaussianCloud = CLOUD) -> Quantisation:
+    return plan_quantisation(qp, bounds, cloud, reach)
 
 
 def test_the_step_doubles_every_six_qp() -> None:
     for coarse, fine in itertools.pairwise(real_steps(plan(qp)) for qp in (46, 40, 34, 28, 22, 16, 10)):
-        for attribute in Attribute:
+        for attribute in set(Attribute) - {Attribute.POSITION}:
             assert coarse[attribute] / fine[attribute] == pytest.approx(2, rel=0.02)
 
 
+@pytest.mark.parametrize(("coarse", "fine"), [(46, 40), (28, 22), (22, 18), (14, 10)])
+def test_the_position_step_halves_faster_where_it_is_fine(coarse: float, fine: float) -> None:
+    steps = [real_steps(plan(qp))[Attribute.POSITION] for qp in (coarse, fine)]
+    assert steps[0] / steps[1] == pytest.approx(2, rel=0.02)
+
+
 def test_steps_at_the_reference_qp() -> None:
-    steps = real_steps(plan(28))
-    assert steps[Attribute.POSITION] == pytest.approx(0.25 * median_size(CLOUD), rel=0.02)
-    assert steps[Attribute.ROTATION] == 1 / 256
-    assert steps[Attribute.SCALE] == steps[Attribute.OPACITY] == 1 / 16
+    steps = real_steps(plan(REFERENCE_QP, cloud=SH_2))
+    assert steps[Attribute.POSITION] == pytest.approx(typical_size(CLOUD) / 8, rel=0.02)
+    assert steps[Attribute.ROTATION] == pytest.approx(1 / 80, rel=0.001)
+    assert steps[Attribute.SCALE] == pytest.approx(1 / 10, rel=0.02)
+    assert steps[Attribute.OPACITY] == pytest.approx(1 / 6, rel=0.02)
+
+
+def test_more_values_to_a_gaussian_take_smaller_steps() -> None:
+    few, many = (
+        real_steps(plan(28, cloud=replace(CLOUD, sh_rest=CLOUD.sh_rest[:, :, :0]))),
+        real_steps(plan(28)),
+    )
+    for attribute in (Attribute.POSITION, Attribute.ROTATION, Attribute.SH_DC):
+        assert few[attribute] / many[attribute] == pytest.approx((58 / 13) ** 0.5, rel=0.02)
 
 
 @pytest.mark.parametrize("qp", [0, 0.5, 17.3, MAX_QP])
@@ -72,8 +92,18 @@ def test_the_position_grid_holds_the_scene(reach: float) -> None:
     assert reach <= STATE_LIMIT * 2.0 ** plan(10, reach=reach).units.position
 
 
-def test_median_size_is_the_geometric_mean() -> None:
-    assert median_size(CLOUD) == pytest.approx(float(np.exp(np.median(CLOUD.scales.mean(axis=1)))))
+def test_typical_size_is_the_geometric_mean() -> None:
+    round_ones = replace(CLOUD, scales=CLOUD.scales.clip(-4, -3))
+    expected = float(np.exp(np.median(round_ones.scales.mean(axis=1))))
+    assert typical_size(round_ones) == pytest.approx(expected)
+
+
+def test_discs_are_as_large_as_they_look() -> None:
+    sizes = []
+    for thickness in (1e-2, 1e-9):
+        scales = np.log(np.tile([0.5, thickness, 0.5], (200, 1))).astype(np.float32)
+        sizes.append(typical_size(replace(CLOUD, scales=scales)))
+    assert sizes[0] == pytest.approx(sizes[1])
 
 
 @pytest.mark.parametrize(

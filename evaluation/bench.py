@@ -1,0 +1,149 @@
+"""The comparison: every method at every setting on every evaluation scene.
+
+    python -m evaluation.bench           20 frames (two scenes 60), every fifth rendered from 3 views
+    python -m evaluation.bench --full    every fifth frame from all 8 views
+    python -m evaluation.bench --quick   4 scenes, 6 frames, our presets and the quick baselines
+
+Figures land in `evaluation/results/bench.json` (`bench_full.json`, `bench_quick.json`) after every scene.
+What was measured before of the same input by the same code is taken from the cache under `out/bench`, so that
+a run that was interrupted goes on where it stopped. Methods and scenes that are not on this machine are
+skipped with a notice.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence as Arguments
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from evaluation.assets import has_asset
+from evaluation.measure import Rated, Subject, measure
+from evaluation.points import Point, baseline_points, codec_points
+from evaluation.record import RESULTS, write_result
+from evaluation.sequences import materialise
+from evaluation.views import ANGLES, FEW
+from training.scenes.catalogue import Scene, group
+
+_RENDER_EVERY = 5
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One kind of run. max_frames None: all frames of a scene; scenes and methods empty: all."""
+
+    result: str
+    views: tuple[int, ...]
+    max_frames: int | None = None
+    scenes: tuple[str, ...] = ()
+    methods: tuple[str, ...] = ()
+
+
+PLANS = {
+    "bench": Plan("bench", FEW),
+    "full": Plan("bench_full", tuple(range(len(ANGLES)))),
+    "quick": Plan(
+        "bench_quick",
+        FEW,
+        6,
+        ("playbot_sway_drift", "playbot_twist_semi", "knight_walk", "mage_fitted"),
+        ("dfcgs", "delta_zstd", "spz"),
+    ),
+}
+
+
+def _scenes(plan: Plan, wanted: Arguments[str]) -> list[Scene]:
+    chosen = []
+    for scene in group("evaluation"):
+        if (plan.scenes and scene.name not in plan.scenes) or (wanted and scene.name not in wanted):
+            continue
+        if has_asset(scene.asset):
+            chosen.append(scene)
+        else:
+            print(f"{scene.name}: skipped, {scene.asset} is not on this machine", file=sys.stderr)
+    return chosen
+
+
+def _points(plan: Plan, wanted: Arguments[str]) -> list[Point]:
+    points = [*codec_points(), *baseline_points()]
+    return [
+        p
+        for p in points
+        if (not plan.methods or p.method in plan.methods) and (not wanted or p.method in wanted)
+    ]
+
+
+def _line(point: Point, figures: dict[str, Any]) -> str:
+    name = f"{point.method:14s} {point.setting:16s}"
+    if "bytes" not in figures:
+        return f"  {name} {figures.get('skipped') or figures.get('failed')}"
+    psnr = figures["psnr"]
+    quality = "equal images" if psnr is None else f"{psnr:6.2f} dB, worst {figures['psnr_worst_frame']:6.2f}"
+    times = f"{figures['encode_s_per_frame']:.2f} / {figures['decode_s_per_frame']:.2f} s"
+    return f"  {name} {figures['bytes_per_frame'] / 1000:9.1f} kB/frame  {quality}  {times}"
+
+
+def bench_scene(scene: Scene, plan: Plan, points: Arguments[Point]) -> dict[str, Any]:
+    """All points of a scene."""
+    sequence = materialise(scene, plan.max_frames)
+    frames = tuple(range(0, sequence.facts.num_frames, _RENDER_EVERY))
+    subject = Subject(sequence, Rated(frames, plan.views))
+    print(scene.name, flush=True)
+    rows = []
+    for point in points:
+        figures = measure(subject, point)
+        print(_line(point, figures), flush=True)
+        about = {"method": point.method, "label": point.label, "setting": point.setting}
+        rows.append(about | {"preset": point.preset, "version": _version(point)} | figures)
+    facts = asdict(sequence.facts) | {"num_gaussians": max(sequence.facts.num_gaussians)}
+    return {"facts": facts, "input_sha256": sequence.digest, "rendered_frames": frames, "points": rows}
+
+
+def _version(point: Point) -> str:
+    from evaluation.baselines.method import MethodUnavailable
+
+    try:
+        return point.version()
+    except MethodUnavailable as error:
+        return str(error)
+
+
+def _known(plan: Plan) -> dict[str, Any]:
+    """What an earlier run left: scenes that this run does not touch stay."""
+    path = RESULTS / f"{plan.result}.json"
+    results: dict[str, Any] = json.loads(path.read_text())["results"] if path.exists() else {}
+    return results
+
+
+def _merged(old: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
+    """New points, and of the old ones those of methods that this run left out, if the input is the same."""
+    if old is None or old["input_sha256"] != new["input_sha256"]:
+        return new
+    ran = {row["method"] for row in new["points"]}
+    return new | {"points": [*new["points"], *(r for r in old["points"] if r["method"] not in ran)]}
+
+
+def main(arguments: Arguments[str] | None = None) -> None:
+    """Run a plan and write its result after every scene."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--full", action="store_const", const="full", dest="plan", default="bench")
+    parser.add_argument("--quick", action="store_const", const="quick", dest="plan")
+    parser.add_argument("--scenes", nargs="*", default=[], help="only these")
+    parser.add_argument("--methods", nargs="*", default=[], help="only these")
+    args = parser.parse_args(arguments)
+    plan = PLANS[args.plan]
+    results = _known(plan)
+    conditions = {"plan": asdict(plan), "render_every": _RENDER_EVERY, "cores": 2}
+    for scene in _scenes(plan, args.scenes):
+        new = bench_scene(scene, plan, _points(plan, args.methods))
+        results[scene.name] = _merged(results.get(scene.name), new)
+        path = write_result(plan.result, conditions, results)
+    print(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""The operating points of the comparison: a method at a setting, as two commands on folders."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from dfcgs_codec.encoder.rate_control import QUALITIES
+from evaluation.baselines.catalogue import METHODS
+from evaluation.baselines.method import Method, SequenceFacts
+from evaluation.record import REPOSITORY
+
+#: QPs between and beyond the presets, so that curves reach what the others offer
+_MORE_QPS = (17, 40)
+#: our curves: label and further options of `dfcgs encode`
+CODEC_CURVES = {
+    "dfcgs": ("dfcgs (default)", []),
+    "dfcgs_gof10": ("dfcgs, GoF 10", ["--gof-size", "10"]),
+    "dfcgs_intra": ("dfcgs, I-frames only", ["--gof-size", "1"]),
+}
+_PYTHON = sys.executable
+_FILE = "sequence.dgs"
+
+Command = list[str]
+
+
+@dataclass(frozen=True)
+class Point:
+    """encode: (frames folder, target folder) -> command; decode: (target folder, frames folder) -> command.
+
+    preset: the quality name where it is one of ours. version: what decides the bytes, for the cache.
+    """
+
+    method: str
+    label: str
+    setting: str
+    preset: str | None
+    version: Callable[[], str]
+    accepts: Callable[[SequenceFacts], str | None]
+    encode: Callable[[Path, Path], Command]
+    decode: Callable[[Path, Path], Command]
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether it is this codec."""
+        return self.method in CODEC_CURVES
+
+
+def codec_version() -> str:
+    """A digest of the codec's sources."""
+    total = hashlib.sha256()
+    for path in sorted((REPOSITORY / "src").rglob("*.py")):
+        total.update(path.read_bytes())
+    return total.hexdigest()[:16]
+
+
+def codec_point(method: str, setting: str, options: Command, preset: str | None = None) -> Point:
+    """`dfcgs encode` with `options`, as a user would run it."""
+    label, more = CODEC_CURVES[method]
+    module = [_PYTHON, "-m", "dfcgs_codec"]
+
+    def encode(frames: Path, target: Path) -> Command:
+        return [*module, "encode", str(frames), str(target / _FILE), "--quiet", *more, *options]
+
+    def decode(target: Path, frames: Path) -> Command:
+        return [*module, "decode", str(target / _FILE), str(frames), "--quiet", "--force"]
+
+    return Point(method, label, setting, preset, codec_version, lambda _: None, encode, decode)
+
+
+def codec_points() -> list[Point]:
+    """Presets and more QPs on the default curve; QPs alone on the others."""
+    points = [codec_point("dfcgs", name, ["--quality", name], name) for name in QUALITIES]
+    points += [codec_point("dfcgs", f"qp{qp}", ["--qp", str(qp)]) for qp in _MORE_QPS]
+    for method in ("dfcgs_gof10", "dfcgs_intra"):
+        points += [codec_point(method, f"qp{qp}", ["--qp", str(qp)]) for qp in sorted(QUALITIES.values())]
+    return points
+
+
+def _baseline_point(method: Method, setting: str) -> Point:
+    module = [_PYTHON, "-m", "evaluation.baselines"]
+    return Point(
+        method.name,
+        method.label,
+        setting,
+        None,
+        method.version,
+        method.accepts,
+        lambda frames, target: [*module, "encode", method.name, setting, str(frames), str(target)],
+        lambda target, frames: [*module, "decode", method.name, str(target), str(frames)],
+    )
+
+
+def baseline_points() -> list[Point]:
+    """Every baseline at every setting."""
+    return [_baseline_point(method, setting) for method in METHODS.values() for setting in method.settings]

@@ -1,0 +1,56 @@
+"""Reading `evaluation/results/*.json`, for charts and tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+from evaluation.record import RESULTS
+
+#: a PSNR that stands for equal images: nothing lossy comes near
+LOSSLESS_PSNR = 120.0
+Row = dict[str, Any]
+
+
+def results(name: str) -> dict[str, Any]:
+    """The figures of a result; raises FileNotFoundError where it was never measured."""
+    found: dict[str, Any] = json.loads((RESULTS / f"{name}.json").read_text())["results"]
+    return found
+
+
+def has_results(name: str) -> bool:
+    """Whether `results` would find it."""
+    return (RESULTS / f"{name}.json").exists()
+
+
+def measured(rows: Iterable[Row]) -> list[Row]:
+    """The points that gave a file."""
+    return [row for row in rows if "bytes" in row]
+
+
+def curve(rows: Iterable[Row], method: str) -> list[tuple[float, float]]:
+    """(bytes per frame, PSNR) of a method on a scene; lossless ones have none."""
+    return [
+        (row["bytes_per_frame"], row["psnr"])
+        for row in measured(rows)
+        if row["method"] == method and row["psnr"] is not None
+    ]
+
+
+def families(method_rows: list[Row]) -> dict[str, list[Row]]:
+    """The rows of one method by curve: settings that differ in their GoF are curves of their own."""
+    found: dict[str, list[Row]] = {}
+    for row in method_rows:
+        _, mark, gof = row["setting"].partition("_gof")
+        found.setdefault(f"{row['label']}, GoF {gof}" if mark else row["label"], []).append(row)
+    return found
+
+
+def curves(rows: Iterable[Row]) -> dict[str, list[tuple[float, float]]]:
+    """(bytes per frame, PSNR) of every curve of a scene by its label, in the order of the results."""
+    labelled = families(measured(rows))
+    return {
+        label: [(r["bytes_per_frame"], r["psnr"]) for r in members if r["psnr"] is not None]
+        for label, members in labelled.items()
+    }

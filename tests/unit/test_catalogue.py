@@ -1,0 +1,90 @@
+"""The frozen list of scenes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dfcgs_codec.errors import InputError
+from training.scenes import MOTIONS, VARIANTS
+from training.scenes.catalogue import CATALOGUE, generator_parameters, group, scene, scenes
+
+#: a change of the list is a change of every figure measured with it: measure again, then change this
+DIGEST = "863d9e810e31cec55219c1c893692f32b51bf646f98d4e0274683e0bad25b869"
+ASSETS = Path(__file__).resolve().parents[2] / "assets"
+
+
+def test_the_list_is_frozen() -> None:
+    assert hashlib.sha256(CATALOGUE.read_bytes()).hexdigest() == DIGEST
+
+
+def test_the_generator_has_the_listed_parameters() -> None:
+    listed = json.loads(CATALOGUE.read_text())["generator"]
+    found = generator_parameters()
+    assert found.keys() == listed.keys()
+    for name, value in listed.items():
+        assert found[name] == pytest.approx(value, rel=1e-12), name
+
+
+def test_there_are_scenes_enough() -> None:
+    assert len(group("evaluation")) >= 8
+    assert {s.variant for s in group("evaluation")} >= {
+        "smooth",
+        "noisy",
+        "drift",
+        "semi",
+        "permuted",
+        "untracked",
+    }
+    assert all(s.num_frames == 300 for s in group("long"))
+
+
+def characters(names: tuple[str, ...]) -> set[str]:
+    """The characters of groups; a fitted sequence is one of the character it was fitted to."""
+    found = {s.asset for name in names for s in group(name)}
+    return {asset.split(".")[0].removeprefix("fitted_").lower() for asset in found}
+
+
+def test_training_and_evaluation_share_no_character_and_no_clip() -> None:
+    assert not characters(("evaluation", "long")) & characters(("training",))
+    clips = [
+        {s.clip for name in names for s in group(name)} - {None}
+        for names in (("evaluation", "long"), ("training",))
+    ]
+    assert not clips[0] & clips[1]
+
+
+def test_trained_splats_are_for_evaluation_only() -> None:
+    assert all(s.motion is None for s in group("training"))
+
+
+@pytest.mark.parametrize("name", list(scenes()))
+def test_entries_make_sense(name: str) -> None:
+    entry = scene(name)
+    assert entry.variant in VARIANTS
+    assert entry.motion is None or entry.motion in MOTIONS
+    assert not (entry.motion and entry.clip)
+    assert entry.options.num_frames == entry.num_frames
+
+
+def test_retraining_needs_nothing_but_the_repository() -> None:
+    missing = [s.asset for s in group("training") if not any(ASSETS.rglob(s.asset))]
+    assert not missing
+
+
+def test_frames_follow_from_the_list() -> None:
+    entry = scene("playbot_twist_permuted")
+    frames = list(zip(range(2), entry.frames_with_ids(ASSETS / entry.asset), strict=False))
+    (first, first_ids), (_, second_ids) = (frame for _, frame in frames)
+    assert first.num_gaussians == len(first_ids)
+    assert not np.array_equal(first_ids, second_ids)
+    assert len(np.intersect1d(first_ids, second_ids)) > 0.98 * len(first_ids)
+
+
+def test_an_unknown_scene_lists_the_known_ones() -> None:
+    with pytest.raises(InputError, match="knight_walk"):
+        scene("night_walk")
