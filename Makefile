@@ -3,13 +3,15 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+EVAL_STAMP := $(VENV)/.installed-eval
 DEMO := out/demo
 
 .DEFAULT_GOAL := help
-.PHONY: help env demo test test-render check format golden bench-speed bench-zstd bench-spz bench-memory bench clean
+.PHONY: help env env-eval demo test test-evaluation check format golden clean \
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory drift stress allocation charts fitted
 
 help: ## list the targets
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-13s %s\n", $$1, $$2}'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -17,6 +19,12 @@ $(STAMP): pyproject.toml
 	touch $@
 
 env: $(STAMP) ## a virtual environment with the codec and all that its development needs
+
+$(EVAL_STAMP): $(STAMP)
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,eval]'
+	touch $@
+
+env-eval: $(EVAL_STAMP) ## the same with renderer, baselines and charts
 
 demo: $(STAMP) ## the main job on a real moving sequence: make frames, encode, decode in a fresh process, verify
 	rm -rf $(DEMO)
@@ -34,9 +42,8 @@ demo: $(STAMP) ## the main job on a real moving sequence: make frames, encode, d
 test: $(STAMP) ## all tests
 	$(BIN)/python -m pytest -n 2
 
-test-render: $(STAMP) ## the tests of the evaluation's renderer, which needs numba (and torch for its oracle)
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,eval]'
-	$(BIN)/python -m pytest tests/evaluation
+test-evaluation: env-eval ## the tests of renderer, metrics, baselines and fitting, which need the extra [eval]
+	$(BIN)/python -m pytest -n 2 tests/evaluation tests/unit/test_fitting.py
 
 check: $(STAMP) ## lint, types, import floors
 	$(BIN)/ruff check .
@@ -51,21 +58,44 @@ format: $(STAMP) ## lay the code out
 golden: $(STAMP) ## write the conformance streams (refuses to touch a released version)
 	$(BIN)/python tools/make_golden.py
 
-bench-zstd: $(STAMP) ## against "quantised delta + zstd": evaluation/results/against_zstd.json
+bench: env-eval ## the comparison: all scenes, methods and settings (under 2 hours; resumes), then charts and tables
+	$(BIN)/python -m evaluation.bench
+	$(MAKE) drift stress charts
+
+bench-full: env-eval ## the comparison from all 8 views, for a release
+	$(BIN)/python -m evaluation.bench --full
+
+bench-quick: env-eval ## four scenes, six frames, the quick methods (under 10 minutes)
+	$(BIN)/python -m evaluation.bench --quick
+
+drift: env-eval ## 300 frames at four GoF sizes against all-intra
+	$(BIN)/python -m evaluation.drift
+
+stress: env-eval ## the sequences that break codecs; fails where one misses a bar
+	$(BIN)/python -m evaluation.stress
+
+allocation: env-eval ## are the quantiser steps in the right proportion?
+	$(BIN)/python -m evaluation.allocation
+
+charts: env-eval ## docs/charts/*.svg, the tables of docs/results.md and of the README, from evaluation/results
+	$(BIN)/python -m evaluation.charts
+	$(BIN)/python -m evaluation.tables
+	$(BIN)/python -m evaluation.readme
+
+bench-zstd: env-eval ## against "quantised delta + zstd" at equal errors
 	$(BIN)/python -m evaluation.against_zstd
 
-bench-spz: $(STAMP) ## I-frames against SPZ version 4: evaluation/results/against_spz.json
-	$(BIN)/pip install --quiet --disable-pip-version-check gaussforge==0.6.0
+bench-spz: env-eval ## I-frames against SPZ version 4 at equal errors
 	$(BIN)/python -m evaluation.against_spz
 
-bench-speed: $(STAMP) ## encode and decode times: evaluation/results/speed.json
+bench-speed: env-eval ## encode and decode times
 	$(BIN)/python -m evaluation.speed
 
-bench-memory: $(STAMP) ## peak memory of a long sequence: evaluation/results/memory.json
+bench-memory: env-eval ## peak memory of a long sequence
 	$(BIN)/python -m evaluation.memory
 
-bench: bench-speed bench-zstd bench-spz bench-memory ## all measurements, then the README's tables
-	$(BIN)/python -m evaluation.readme
+fitted: env-eval ## rebuild the fitted training sequence into out/ (about 15 minutes)
+	$(BIN)/python -m training.fitting fitted_barbarian --out out/fitted_barbarian.zip
 
 clean: ## remove what was built
 	rm -rf out build $(VENV)

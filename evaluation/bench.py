@@ -85,18 +85,25 @@ def _line(point: Point, figures: dict[str, Any]) -> str:
     return f"  {name} {figures['bytes_per_frame'] / 1000:9.1f} kB/frame  {quality}  {times}"
 
 
+def _subject(scene: Scene, max_frames: int | None, views: tuple[int, ...]) -> Subject:
+    sequence = materialise(scene, max_frames)
+    return Subject(sequence, Rated(tuple(range(0, sequence.facts.num_frames, _RENDER_EVERY)), views))
+
+
 def bench_scene(scene: Scene, plan: Plan, points: Arguments[Point]) -> dict[str, Any]:
     """All points of a scene."""
-    sequence = materialise(scene, plan.max_frames)
-    frames = tuple(range(0, sequence.facts.num_frames, _RENDER_EVERY))
-    subject = Subject(sequence, Rated(frames, plan.views))
+    subject = _subject(scene, plan.max_frames, plan.views)
+    sequence = subject.sequence
     print(scene.name, flush=True)
     rows = []
     for point in points:
-        figures = measure(subject, point)
+        rated = subject if point.sample is None else _subject(scene, point.sample, plan.views)
+        figures = measure(rated, point)
         print(_line(point, figures), flush=True)
         about = {"method": point.method, "label": point.label, "setting": point.setting}
-        rows.append(about | {"preset": point.preset, "version": _version(point)} | figures)
+        about |= {"preset": point.preset, "version": _version(point), "sample_frames": point.sample}
+        rows.append(about | figures)
+    frames = subject.rated.frames
     facts = asdict(sequence.facts) | {"num_gaussians": max(sequence.facts.num_gaussians)}
     return {"facts": facts, "input_sha256": sequence.digest, "rendered_frames": frames, "points": rows}
 

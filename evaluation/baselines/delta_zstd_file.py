@@ -172,5 +172,6 @@ def _accepts(facts: SequenceFacts) -> str | None:
     return None
 
 
-_SETTINGS = tuple(f"qp{qp}_gof{gof}" for gof in (10, 60) for qp in (16, 22, 28, 34))
+_SWEEP = {10: (16, 22, 28, 34), 60: (16, 25, 34)}
+_SETTINGS = tuple(f"qp{qp}_gof{gof}" for gof, qps in _SWEEP.items() for qp in qps)
 METHOD = Method("delta_zstd", "quantised delta + zstd", _SETTINGS, _version, _accepts, _encode, _decode)

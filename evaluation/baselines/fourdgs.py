@@ -125,5 +125,5 @@ def _decode(target: Path, frames: Path) -> None:
     write_frames(frames, _clouds((target / _FILE).read_bytes()))
 
 
-_SETTINGS = tuple(f"{profile}_gof{gof}" for gof in (10, 60) for profile in ("fine", "default", "coarse"))
+_SETTINGS = ("fine_gof10", "default_gof10", "coarse_gof10", "fine_gof60", "coarse_gof60")
 METHOD = Method("fourdgs", "fourdgs keyframe-delta", _SETTINGS, _version, _accepts, _encode, _decode)

@@ -46,6 +46,7 @@ class Method:
     accepts   None, or why this content is not for it (before anything is run)
     encode    (frames folder, empty target folder, setting): frame_0000.ply ... -> files; all count as bytes
     decode    (target folder, empty frames folder): files -> frame_0000.ply ...
+    sample    None, or how many frames it is measured on: for a method that codes frames alone, and slowly
     """
 
     name: str
@@ -55,6 +56,7 @@ class Method:
     accepts: Callable[[SequenceFacts], str | None]
     encode: Callable[[Path, Path, str], None]
     decode: Callable[[Path, Path], None]
+    sample: int | None = None
 
 
 def frame_paths(folder: Path) -> list[Path]:

@@ -36,4 +36,4 @@ def _decode(target: Path, frames: Path) -> None:
         frame_path(frames, index).write_bytes(decompressor.decompress(path.read_bytes()))
 
 
-METHOD = Method("raw_zstd", "PLY + zstd", ("19",), _version, _accepts, _encode, _decode)
+METHOD = Method("raw_zstd", "PLY + zstd", ("19",), _version, _accepts, _encode, _decode, sample=2)

@@ -89,4 +89,4 @@ def _decode(target: Path, frames: Path) -> None:
     write_frames(frames, _clouds(target))
 
 
-METHOD = Method("sog", "SOG per frame", ("default",), _version, _accepts, _encode, _decode)
+METHOD = Method("sog", "SOG per frame", ("default",), _version, _accepts, _encode, _decode, sample=1)

@@ -114,7 +114,7 @@ def _factor(attribute: Attribute, qp: float, first: GaussianCloud) -> float:
     The errors of all values add up in the image: where a Gaussian has more of them, each must be smaller for
     the image to be as good, so that a quality means the same at every SH degree.
     """
-    values = 3 + 3 + 3 + 1 + 3 + first.sh_rest[0].size
+    values = 3 + 3 + 3 + 1 + 3 + 3 * first.sh_rest.shape[2]
     fine_position = attribute == Attribute.POSITION and qp < REFERENCE_QP
     octave = FINE_POSITION_QP_PER_OCTAVE if fine_position else QP_PER_OCTAVE
     return math.sqrt(REFERENCE_VALUES / values) * math.exp2((qp - REFERENCE_QP) / octave)

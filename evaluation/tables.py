@@ -1,0 +1,225 @@
+"""The tables of `docs/results.md`, from `evaluation/results/*.json`: `python -m evaluation.tables`.
+
+Each stands between `<!-- NAME -->` and `<!-- end of NAME -->`; the text around them is written by hand.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from evaluation.bd import bd_delta, rate_at
+from evaluation.record import REPOSITORY
+from evaluation.results_file import curves, has_results, measured, results
+
+PAGE = REPOSITORY / "docs" / "results.md"
+_OURS = "dfcgs (default)"
+_PRESETS = ("low", "medium", "high", "transparent")
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = ["| " + " | ".join(row) + " |" for row in [head, ["---"] * len(head), *rows]]
+    return "\n".join(lines) + "\n"
+
+
+def _decibel(psnr: float | None) -> str:
+    return "equal images" if psnr is None else f"{psnr:.1f}"
+
+
+def against(scene: dict[str, Any], label: str) -> str:
+    """Our bytes against a curve's at equal PSNR: BD-rate, or for one point the difference at its PSNR (*)."""
+    found = curves(scene["points"])
+    ours, theirs = found.get(_OURS, []), found.get(label, [])
+    if label not in found:
+        return "-"
+    if not theirs:
+        return "lossless"
+    if (delta := bd_delta(theirs, ours)) is not None:
+        psnr = "" if delta.bd_psnr is None else f" / {delta.bd_psnr:+.1f} dB"
+        return f"{delta.bd_rate:+.0f} %{psnr}"
+    rates = [(rate, rate_at(ours, psnr)) for rate, psnr in theirs]
+    ratios = [mine / rate for rate, mine in rates if mine is not None]
+    if ratios:
+        return f"{100 * (float(np.exp(np.mean(np.log(ratios)))) - 1):+.0f} % *"
+    best, top = max(p for _, p in theirs), max(p for _, p in ours)
+    return (
+        f"no overlap ({best:.1f} dB against our {top:.1f})" if best > top else f"no overlap ({best:.1f} dB)"
+    )
+
+
+def _labels(scenes: dict[str, Any]) -> list[str]:
+    labels: dict[str, None] = {}
+    for scene in scenes.values():
+        labels |= dict.fromkeys(curves(scene["points"]))
+    return [label for label in labels if not label.startswith("dfcgs")]
+
+
+def bd_table() -> str:
+    """Every baseline on every scene."""
+    scenes = results("bench")
+    labels = _labels(scenes)
+    rows = [[name, *(against(scene, label) for label in labels)] for name, scene in scenes.items()]
+    return _table(["scene", *labels], rows)
+
+
+def refusal_table() -> str:
+    """Why a method has no figure on a scene."""
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for name, scene in results("bench").items():
+        for row in scene["points"]:
+            if "bytes" not in row:
+                reason = row.get("skipped") or row.get("failed")
+                scenes = reasons.setdefault((row["label"], reason), [])
+                scenes += [name] if name not in scenes else []
+    rows = [[label, reason, ", ".join(scenes)] for (label, reason), scenes in reasons.items()]
+    return _table(["method", "reason", "scenes"], rows)
+
+
+def preset_table() -> str:
+    """Bytes and quality of the presets on every scene."""
+    rows = []
+    for name, scene in results("bench").items():
+        found = {r["preset"]: r for r in measured(scene["points"]) if r["preset"]}
+        cells = [
+            f"{found[p]['bytes_per_frame'] / 1000:.0f} kB, {found[p]['psnr']:.1f} dB, {found[p]['ssim']:.4f}"
+            for p in _PRESETS
+        ]
+        rows.append([name, *cells])
+    return _table(["scene", *(f"`{p}`" for p in _PRESETS)], rows)
+
+
+def speed_table() -> str:
+    """Median seconds per frame and 100 k Gaussians, and the largest memory, by method."""
+    found: dict[str, list[list[float]]] = {}
+    for scene in results("bench").values():
+        scale = 1e5 / scene["facts"]["num_gaussians"]
+        for row in measured(scene["points"]):
+            found.setdefault(row["label"], []).append(
+                [
+                    row["encode_s_per_frame"] * scale,
+                    row["decode_s_per_frame"] * scale,
+                    row["encode_peak_mib"],
+                    row["decode_peak_mib"],
+                ]
+            )
+    rows = []
+    for label, values in found.items():
+        times, peaks = np.median(values, axis=0)[:2], np.max(values, axis=0)[2:]
+        rows.append([label, f"{times[0]:.2f}", f"{times[1]:.2f}", f"{peaks[0]:.0f}", f"{peaks[1]:.0f}"])
+    return _table(["method", "encode, s", "decode, s", "encode, MiB", "decode, MiB"], rows)
+
+
+def drift_table() -> str:
+    """Drift by scene and GoF size."""
+    rows = []
+    for name, scene in results("drift").items():
+        for key in (k for k in scene if k.startswith("gof")):
+            figures = scene[key]
+            rows.append(
+                [
+                    name,
+                    key[3:],
+                    f"{figures['bytes'] / scene['intra']['bytes']:.2f}",
+                    f"{figures['mean_difference']:+.2f}",
+                    f"{figures['worst_difference']:+.2f}",
+                    f"{figures['slope_per_100_frames']:+.3f}",
+                ]
+            )
+    head = ["scene", "GoF", "bytes / all-intra", "mean, dB", "worst frame, dB", "slope, dB per 100 frames"]
+    return _table(head, rows)
+
+
+def allocation_table() -> str:
+    """What the codec's proportions of steps cost above the best ones."""
+    found = results("allocation")
+    targets = list(next(iter(found.values()))["targets"])
+    rows = [
+        [name, scene["group"], *(f"{100 * scene['targets'][t]['excess']:.1f} %" for t in targets)]
+        for name, scene in found.items()
+    ]
+    return _table(["scene", "group", *(f"{-float(t):.0f} dB" for t in targets)], rows)
+
+
+def stress_table() -> str:
+    """The stress list."""
+    rows = []
+    for name, case in results("stress").items():
+        if "num_bytes" not in case:
+            rows.append([name, case["outcome"], "", "", "", ""])
+            continue
+        rows.append(
+            [
+                name,
+                case["outcome"],
+                case["frame_types"],
+                str(case["num_bytes"]),
+                f"{case['ratio_to_all_intra']:.3f}",
+                _decibel(case["quality"]["psnr"]),
+            ]
+        )
+    return _table(["case", "outcome", "frames", "bytes", "bytes / all-intra", "PSNR, dB"], rows)
+
+
+def averages() -> str:
+    """One line per baseline: mean BD-rate over the scenes where the curves overlap, wins and losses."""
+    scenes = results("bench")
+    rows = []
+    for label in _labels(scenes):
+        logs, scene_count = [], 0
+        for scene in scenes.values():
+            found = curves(scene["points"])
+            if not found.get(label):
+                continue
+            scene_count += 1
+            delta = bd_delta(found[label], found[_OURS])
+            if delta is not None:
+                logs.append(math.log1p(delta.bd_rate / 100))
+                continue
+            for rate, psnr in found[label]:
+                if (mine := rate_at(found[_OURS], psnr)) is not None:
+                    logs.append(math.log(mine / rate))
+        if not logs:
+            rows.append([label, str(scene_count), "no overlap", "", ""])
+            continue
+        mean = 100 * math.expm1(float(np.mean(logs)))
+        best, worst = 100 * math.expm1(min(logs)), 100 * math.expm1(max(logs))
+        rows.append([label, str(scene_count), f"{mean:+.0f} %", f"{best:+.0f} %", f"{worst:+.0f} %"])
+    return _table(["against", "scenes", "mean bytes at equal PSNR", "best scene", "worst scene"], rows)
+
+
+TABLES: dict[str, tuple[str, Callable[[], str]]] = {
+    "averages": ("bench", averages),
+    "bd": ("bench", bd_table),
+    "refusals": ("bench", refusal_table),
+    "presets": ("bench", preset_table),
+    "speed": ("bench", speed_table),
+    "drift": ("drift", drift_table),
+    "stress": ("stress", stress_table),
+    "allocation": ("allocation", allocation_table),
+}
+
+
+def replace_between(text: str, name: str, body: str) -> str:
+    """`text` with what stands between the marks of `name` replaced; raises ValueError without marks."""
+    start, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    head, found, rest = text.partition(start)
+    _, ended, tail = rest.partition(end)
+    if not found or not ended:
+        raise ValueError(f"{PAGE.name} has no marks for the table {name!r}")
+    return f"{head}{start}{body}{end}{tail}"
+
+
+def main() -> None:
+    """Write all tables that there are results for."""
+    text = PAGE.read_text()
+    for name, (source, table) in TABLES.items():
+        if has_results(source):
+            text = replace_between(text, name, table())
+    PAGE.write_text(text)
+
+
+if __name__ == "__main__":
+    main()
