@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evaluation.bd import rate_at
-from evaluation.charts.style import look, shared_legend, write_chart
+from evaluation.charts.style import look, plain_log_axis, shared_legend, write_chart
 from evaluation.results_file import Row, curves, measured
 
 Scenes = dict[str, Any]
@@ -39,6 +39,7 @@ def _panel(axes: Axes, scene: Scenes, methods: dict[str, str]) -> None:
             rates, psnrs = zip(*sorted(points), strict=True)
             axes.plot([r / 1000 for r in rates], psnrs, label=label, **look(methods[label], label))
     axes.set_xscale("log")
+    plain_log_axis(axes.xaxis)
     axes.set_ylim(24, 66)
 
 
@@ -94,8 +95,8 @@ def averaged(scenes: Scenes) -> None:
     for label, points in data.items():
         axes.plot([p[0] for p in points], [p[1] for p in points], label=label, **look(methods[label], label))
     axes.set_xscale("log", base=2)
+    plain_log_axis(axes.xaxis, 2.0)
     axes.set_xlabel("bytes relative to dfcgs (default) at 42 dB, geometric mean over scenes")
     axes.set_ylabel("PSNR, dB")
-    axes.xaxis.set_major_formatter(lambda x, _: f"{x:g}x")
     axes.legend(fontsize=8)
     write_chart("rate_distortion_average", figure, data)

@@ -10,7 +10,9 @@ import matplotlib as mpl
 mpl.use("Agg")
 
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from evaluation.record import REPOSITORY
 
@@ -19,7 +21,7 @@ CHARTS = REPOSITORY / "docs" / "charts"
 OURS = "#d55e00"
 _LOOKS = {
     "dfcgs": (OURS, "o", "-"),
-    "dfcgs_gof10": (OURS, "s", "--"),
+    "dfcgs_gof60": (OURS, "s", "--"),
     "dfcgs_intra": (OURS, "^", ":"),
     "delta_zstd": ("#0072b2", "o", "-"),
     "hevc": ("#009e73", "D", "-"),
@@ -61,6 +63,14 @@ def look(method: str, label: str) -> dict[str, Any]:
         "markerfacecolor": "white" if dashed else colour,
         "zorder": 3 if method.startswith("dfcgs") else 2,
     }
+
+
+def plain_log_axis(axis: Axis, base: float = 10.0) -> None:
+    """A logarithmic axis with plain numbers at 1, 2, 5 (or at powers of two)."""
+    subs = (1.0, 2.0, 5.0) if base == 10.0 else (1.0,)
+    axis.set_major_locator(LogLocator(base, subs=subs, numticks=12))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def shared_legend(figure: Figure, axes: list[Axes], columns: int) -> None:

@@ -1,0 +1,174 @@
+"""Charts and tables from results."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("matplotlib")
+pytest.importorskip("bjontegaard")
+
+from evaluation import tables
+from evaluation.charts import bytes_chart, drift, rate_distortion, speed, style
+from evaluation.charts.speed import pareto_front
+from evaluation.results_file import curves
+
+PRESETS = {"low": 30.0, "medium": 36.0, "high": 43.0, "transparent": 52.0}
+
+
+def row(
+    method: str, label: str, setting: str, rate: float, psnr: float | None, **more: Any
+) -> dict[str, Any]:
+    return {
+        "method": method,
+        "label": label,
+        "setting": setting,
+        "preset": None,
+        "bytes": 10 * rate,
+        "bytes_per_frame": rate,
+        "bits_per_gaussian": rate / 100,
+        "psnr": psnr,
+        "ssim": 0.99,
+        "encode_s_per_frame": 0.5,
+        "decode_s_per_frame": 0.1,
+        "encode_peak_mib": 100.0,
+        "decode_peak_mib": 50.0,
+        **more,
+    }
+
+
+def scene(scale: float = 1.0) -> dict[str, Any]:
+    """Ours doubles its bytes every 6 dB; `delta` takes twice, `spz` one large point, `raw` is lossless."""
+    ours = [
+        row(
+            "dfcgs",
+            "dfcgs (default)",
+            name,
+            scale * 1000 * 2 ** (psnr / 6),
+            psnr,
+            preset=name,
+            bytes_by_attribute={"POSITION": 10, "SH_DC": 5},
+            bytes_by_frame_type={"I": 6, "P": 9},
+            frame_types="IP",
+        )
+        for name, psnr in PRESETS.items()
+    ]
+    delta = [
+        row("delta_zstd", "delta", f"qp{qp}_gof{gof}", scale * (2 - gof / 100) * 1000 * 2 ** (psnr / 6), psnr)
+        for gof in (10, 60)
+        for qp, psnr in ((16, 50.0), (22, 40.0), (28, 33.0))
+    ]
+    others = [
+        row("spz", "SPZ", "v4", scale * 1000 * 2 ** (45 / 6) * 4, 45.0),
+        row("raw_zstd", "raw", "19", 1e9, None),
+        {
+            "method": "splats4d",
+            "label": "splats4d",
+            "setting": "default",
+            "preset": None,
+            "skipped": "drops SH",
+        },
+    ]
+    facts = {"num_gaussians": 50_000, "num_frames": 20, "sh_degree": 1}
+    return {"facts": facts, "points": [*ours, *delta, *others]}
+
+
+SCENES = {name: scene(scale) for name, scale in (("a", 1.0), ("b", 3.0), ("c", 0.5))}
+
+
+def test_settings_that_differ_in_their_gof_are_curves_of_their_own() -> None:
+    assert list(curves(scene()["points"])) == [
+        "dfcgs (default)",
+        "delta, GoF 10",
+        "delta, GoF 60",
+        "SPZ",
+        "raw",
+    ]
+
+
+def test_average_rates_do_not_depend_on_a_scene_s_size() -> None:
+    relative = rate_distortion.relative_rates(SCENES)
+    at_42 = next(p for p in relative["dfcgs (default)"] if p[1] == 42.0)
+    assert at_42 == (pytest.approx(1.0), 42.0, 3)
+    for rate, psnr, _ in relative["delta, GoF 10"]:
+        assert rate == pytest.approx(1.9 * 2 ** ((psnr - 42) / 6), rel=1e-6)
+    assert "SPZ" not in relative
+
+
+def test_speed_points() -> None:
+    points = speed.averaged(SCENES)
+    assert points["delta, GoF 10"]["relative_rate"] == 1.0
+    assert points["delta, GoF 10"]["psnr"] < points["dfcgs (default)"]["psnr"] == pytest.approx(43.0)
+    assert points["SPZ"]["relative_rate"] == pytest.approx(4 * 2 ** (2 / 6))
+    assert points["SPZ"]["encode"] == pytest.approx(1.0)
+    assert points["transparent"]["psnr"] == 52.0
+
+
+def test_pareto_front_takes_nothing_bought_with_bytes() -> None:
+    def point(seconds: float, psnr: float, rate: float = 1.0) -> dict[str, float]:
+        return {"encode": seconds, "psnr": psnr, "relative_rate": rate}
+
+    points = {"slow": point(9, 44), "fast": point(1, 30), "beaten": point(2, 29), "large": point(3, 50, 4.0)}
+    assert pareto_front(points, "encode") == ["fast", "slow"]
+
+
+def test_all_charts_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(style, "CHARTS", tmp_path)
+    rate_distortion.per_scene(SCENES)
+    rate_distortion.averaged(SCENES)
+    speed.chart(SCENES)
+    bytes_chart.chart(SCENES)
+    series = {"bytes": 5, "psnr": [40.0] * 20}
+    drift.chart({"long": {"intra": series, **{f"gof{n}": series for n in (10, 30, 60, 300)}}})
+    for name in (
+        "rate_distortion",
+        "rate_distortion_average",
+        "speed_accuracy",
+        "where_the_bytes_go",
+        "drift",
+    ):
+        assert (tmp_path / f"{name}.svg").read_text().lstrip().startswith("<?xml")
+        json.loads((tmp_path / f"{name}.json").read_text())
+
+
+def test_the_same_figures_give_the_same_chart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = []
+    for name in ("first", "second"):
+        monkeypatch.setattr(style, "CHARTS", tmp_path / name)
+        rate_distortion.averaged(SCENES)
+        drawn.append((tmp_path / name / "rate_distortion_average.svg").read_bytes())
+    assert drawn[0] == drawn[1]
+
+
+@pytest.mark.parametrize(
+    ("label", "cell"),
+    [("delta, GoF 10", "-47 %"), ("SPZ", "-75 % *"), ("raw", "lossless"), ("never run", "-")],
+)
+def test_bytes_against_a_baseline(label: str, cell: str) -> None:
+    assert tables.against(scene(), label).startswith(cell)
+
+
+def test_tables(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "results", lambda _: SCENES)
+    assert tables.averages().splitlines()[2] == "| delta, GoF 10 | 3 | -47 % | -47 % | -47 % |"
+    assert "| splats4d | drops SH | a, b, c |" in tables.refusal_table()
+    assert tables.bd_table().count("\n") == 2 + len(SCENES)
+    assert "43.0 dB" in tables.preset_table()
+    assert "| SPZ | 1.00 | 0.20 | 100 | 50 |" in tables.speed_table()
+
+
+def test_tables_go_between_their_marks() -> None:
+    text = "a\n<!-- bd -->\nold\n<!-- end of bd -->\nb"
+    assert tables.replace_between(text, "bd", "new\n") == "a\n<!-- bd -->\nnew\n<!-- end of bd -->\nb"
+    with pytest.raises(ValueError, match="bd"):
+        tables.replace_between("no marks", "bd", "new")
+
+
+def test_the_page_has_all_marks() -> None:
+    text = tables.PAGE.read_text()
+    for name in tables.TABLES:
+        assert f"<!-- {name} -->\n" in text
+        assert f"<!-- end of {name} -->" in text
