@@ -153,7 +153,7 @@ def test_bytes_against_a_baseline(label: str, cell: str) -> None:
 
 def test_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tables, "results", lambda _: SCENES)
-    assert tables.averages().splitlines()[2] == "| delta, GoF 10 | 3 | -47 % | -47 % | -47 % |"
+    assert tables.averages().splitlines()[2] == "| delta, GoF 10 | 3 | -47 % | -47 % | -47 % | no overlap |"
     assert "| splats4d | drops SH | a, b, c |" in tables.refusal_table()
     assert tables.bd_table().count("\n") == 2 + len(SCENES)
     assert "43.0 dB" in tables.preset_table()
