@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from evaluation.bd import rate_at
+from evaluation.bd import rate_at, rising
 from evaluation.charts.style import look, plain_log_axis, shared_legend, write_chart
 from evaluation.results_file import Row, curves, measured
 
@@ -35,9 +35,11 @@ def _methods(scenes: Scenes) -> dict[str, str]:
 
 def _panel(axes: Axes, scene: Scenes, methods: dict[str, str]) -> None:
     for label, points in curves(scene["points"]).items():
-        if points:
-            rates, psnrs = zip(*sorted(points), strict=True)
-            axes.plot([r / 1000 for r in rates], psnrs, label=label, **look(methods[label], label))
+        style = look(methods[label], label)
+        for members, line in ((sorted(points), "none"), (rising(points), style["linestyle"])):
+            rates, psnrs = [r / 1000 for r, _ in members], [p for _, p in members]
+            # settings that a cheaper one beats are points beside the curve
+            axes.plot(rates, psnrs, label=label, **style | {"linestyle": line})
     axes.set_xscale("log")
     plain_log_axis(axes.xaxis)
     axes.set_ylim(24, 66)
@@ -68,21 +70,22 @@ def relative_rates(scenes: Scenes) -> dict[str, list[tuple[float, float, int]]]:
     """By curve: (mean relative rate, PSNR, number of scenes).
 
     A scene's rates are divided by the default codec's at 42 dB, then averaged geometrically over the scenes
-    on which a method reaches the PSNR. A method that reaches it on other scenes than the rest is still
-    comparable, because every scene is measured against ours on the same scene.
+    on which a method reaches 42 dB, at the PSNRs that it reaches on all of them. Methods that code other
+    scenes are still comparable, because each scene is measured against ours on the same scene.
     """
     anchors = {
         n: rate_at(curves(s["points"]).get("dfcgs (default)", []), _ANCHOR_PSNR) for n, s in scenes.items()
     }
     found: dict[str, list[tuple[float, float, int]]] = {}
     for label in _methods(scenes):
+        points = {n: curves(s["points"]).get(label, []) for n, s in scenes.items() if anchors[n]}
+        points = {n: p for n, p in points.items() if rate_at(p, _ANCHOR_PSNR) is not None}
+        if len(points) < _FEWEST_SCENES:
+            continue
         for psnr in _PSNRS:
-            logs = []
-            for name, scene in scenes.items():
-                rate, anchor = rate_at(curves(scene["points"]).get(label, []), psnr), anchors[name]
-                if rate is not None and anchor is not None:
-                    logs.append(math.log(rate / anchor))
-            if len(logs) >= _FEWEST_SCENES:
+            rates = [(rate_at(p, psnr), anchors[n]) for n, p in points.items()]
+            logs = [math.log(rate / anchor) for rate, anchor in rates if rate and anchor]
+            if len(logs) == len(points):
                 found.setdefault(label, []).append((float(np.exp(np.mean(logs))), psnr, len(logs)))
     return found
 
