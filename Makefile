@@ -58,7 +58,7 @@ format: $(STAMP) ## lay the code out
 golden: $(STAMP) ## write the conformance streams (refuses to touch a released version)
 	$(BIN)/python tools/make_golden.py
 
-bench: env-eval ## the comparison: all scenes, methods and settings (under 2 hours; resumes), then charts and tables
+bench: env-eval ## the comparison: all scenes, methods, settings (an hour and a half; resumes), then charts and tables
 	$(BIN)/python -m evaluation.bench
 	$(MAKE) drift stress charts
 

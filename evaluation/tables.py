@@ -188,6 +188,9 @@ def averages() -> str:
     """One line per baseline: mean difference over scenes, best and worst scene."""
     rows = []
     for label in _labels(results("bench")):
+        if not any(curves(scene["points"]).get(label) for scene in results("bench").values()):
+            rows.append([label, str(len(results("bench"))), *["lossless"] * 4])
+            continue
         scene_count, logs = _differences(label, _OURS)
         _, long_logs = _differences(label, _LONG)
         if not logs:
