@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import SH_BANDS, output
 from dfcgs_codec.encoder.analysis import order_of, plan_grid
@@ -41,20 +41,10 @@ _MAGIC = b"QDZ1"
 _FILE = "sequence.qdz"
 _HEADER = struct.Struct("<4sIB4b8I")
 _INTRA, _INTER, _REPEATING = 0, 1, 2
-_COLUMNS = {
-    Attribute.POSITION: 3,
-    Attribute.SCALE: 3,
-    Attribute.ROTATION: 4,
-    Attribute.OPACITY: 1,
-    Attribute.SH_DC: 3,
-    Attribute.SH_1: 9,
-    Attribute.SH_2: 15,
-    Attribute.SH_3: 21,
-}
 
 
 def _attributes(sh_degree: int) -> list[Attribute]:
-    return [a for a in _COLUMNS if a not in SH_BANDS[sh_degree:]]
+    return [a for a in STATE_COLUMNS if a not in SH_BANDS[sh_degree:]]
 
 
 class _Encoder:
@@ -134,7 +124,7 @@ def _encode(frames: Path, target: Path, setting: str) -> None:
         coded = [encoder.frame(cloud) for cloud in read_frames(frames)]
     except InputError as error:
         raise MethodRefused(str(error)) from error
-    steps = [quantisation.steps[a] for a in _COLUMNS]
+    steps = [quantisation.steps[a] for a in STATE_COLUMNS]
     header = _HEADER.pack(_MAGIC, len(coded), first.sh_degree, *exponents, *steps)
     (target / _FILE).write_bytes(header + b"".join(coded))
 
@@ -144,14 +134,14 @@ def _decoded(data: bytes) -> Iterator[GaussianCloud]:
     _, num_frames, sh_degree, *numbers = reader.fields(_HEADER)
     position, scale, opacity, color = numbers[:4]
     units = UnitExponents(position=position, scale=scale, opacity=opacity, color=color)
-    steps = dict(zip(_COLUMNS, numbers[4:], strict=True))
+    steps = dict(zip(STATE_COLUMNS, numbers[4:], strict=True))
     before, count = None, 0
     for _ in range(num_frames):
         (kind,) = reader.fields(struct.Struct("<B"))
         if kind != _INTER:
             (count,) = reader.fields(struct.Struct("<I"))
         known = before.symbols if before is not None and kind == _REPEATING else {}
-        symbols = {a: reader.attribute(count, _COLUMNS[a], known.get(a)) for a in _attributes(sh_degree)}
+        symbols = {a: reader.attribute(count, STATE_COLUMNS[a], known.get(a)) for a in _attributes(sh_degree)}
         if kind == _INTER:
             assert before is not None
             symbols = sums(symbols, before, steps)
