@@ -20,6 +20,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from evaluation.assets import has_asset
+from evaluation.baselines.method import MethodUnavailable
 from evaluation.measure import Rated, Subject, measure
 from evaluation.points import Point, baseline_points, codec_points
 from evaluation.record import RESULTS, write_result
@@ -109,8 +110,6 @@ def bench_scene(scene: Scene, plan: Plan, points: Arguments[Point]) -> dict[str,
 
 
 def _version(point: Point) -> str:
-    from evaluation.baselines.method import MethodUnavailable
-
     try:
         return point.version()
     except MethodUnavailable as error:

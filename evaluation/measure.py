@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from dfcgs_codec import probe
+from dfcgs_codec.ply import read_ply
 from evaluation.attribute_errors import attribute_errors
 from evaluation.baselines.__main__ import EXIT_REFUSED, EXIT_UNAVAILABLE
 from evaluation.baselines.method import MethodUnavailable, frame_path, frame_paths
@@ -80,8 +81,6 @@ def _bytes_by_kind(target: Path) -> dict[str, Any]:
 
 
 def _quality(subject: Subject, decoded: Path) -> dict[str, Any]:
-    from dfcgs_codec.ply import read_ply
-
     views = cameras(subject.sequence.name, subject.rated.views)
     clouds = {index: read_ply(frame_path(decoded, index))[0] for index in subject.rated.frames}
     rated = [

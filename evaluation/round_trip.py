@@ -18,6 +18,7 @@ from dfcgs_codec.ply import read_ply, write_ply
 from evaluation.fresh import Run, run_fresh
 from evaluation.quality import FrameQuality, frame_quality, image
 from evaluation.render import Camera, orbit
+from evaluation.views import central_box
 
 SIZE = (320, 240)
 VERTICAL_FOV = 50.0
@@ -87,21 +88,16 @@ def round_trip(source: Path, decoded: Path, options: tuple[str, ...] = (), repea
     return RoundTrip(file.stat().st_size, kinds, encode_s, encode_cpu, decode_s, decode_cpu, encoded.message)
 
 
-def _box(cloud: GaussianCloud) -> np.ndarray:
-    """(2, 3): lower and upper corner around the central 98 % along each axis."""
-    return np.percentile(cloud.positions.astype(np.float64), [1.0, 99.0], axis=0)
-
-
 def view_radius(first: GaussianCloud) -> float:
     """Radius, scene units, of the sphere that the views show: around the box, or a few Gaussians."""
     extent = 3.0 * float(np.exp(np.median(first.scales.max(axis=1))))
-    return max(0.5 * float(np.linalg.norm(np.ptp(_box(first), axis=0))), extent)
+    return max(0.5 * float(np.linalg.norm(np.ptp(central_box(first), axis=0))), extent)
 
 
 def views(cloud: GaussianCloud, radius: float) -> list[Camera]:
     """Cameras around the middle of this frame's box, so that an object that moves away stays in sight."""
     distance = radius / np.sin(np.radians(VERTICAL_FOV / 2))
-    middle = _box(cloud).mean(axis=0).tolist()
+    middle = central_box(cloud).mean(axis=0).tolist()
     return [orbit(middle, distance, angles, SIZE, VERTICAL_FOV) for angles in ANGLES]
 
 

@@ -64,10 +64,6 @@ def scene_points(scene: Scenes) -> dict[str, Row]:
     return found
 
 
-def _own_point(points: dict[str, Row]) -> Row:
-    return points[STATED]
-
-
 def averaged(scenes: Scenes) -> dict[str, Row]:
     """Over the scenes on which a method ran, each measured against our preset `high` on the same scene.
 
@@ -75,12 +71,12 @@ def averaged(scenes: Scenes) -> dict[str, Row]:
     methods that cannot code every scene stay comparable.
     """
     by_scene = [points for points in map(scene_points, scenes.values()) if points]
-    own = [_own_point(points) for points in by_scene]
+    own = [points[STATED] for points in by_scene]
     base = {"psnr": float(np.mean([p["psnr"] for p in own]))}
     base |= {d: float(np.exp(np.mean([math.log(p[d]) for p in own]))) for d in _DIRECTIONS}
     found: dict[str, Row] = {}
     for label in dict.fromkeys(label for points in by_scene for label in points):
-        pairs = [(points[label], _own_point(points)) for points in by_scene if label in points]
+        pairs = [(points[label], points[STATED]) for points in by_scene if label in points]
         found[label] = {
             "method": pairs[0][0]["method"],
             "scenes": len(pairs),

@@ -40,7 +40,7 @@ def test_quality_is_that_of_the_same_gaussians(scene_cut):
 
 
 def test_missed_bars_are_named(scene_cut):
-    slow = scene_cut | {"ratio_to_all_intra": 1.03, "encode_cpu_s": [700.0, 61.0], "decode_cpu_s": [11.9]}
+    slow = scene_cut | {"ratio_to_all_intra": 1.03, "encode_s": [700.0, 61.0], "decode_s": [11.9]}
     first, second = failures(tiny("scene-cut"), slow)
     assert "1.03" in first
     assert "encode: 10.2" in second
