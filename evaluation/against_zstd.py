@@ -57,7 +57,8 @@ def baseline_sizes(
         if index % _GOF_SIZE == 0:
             sizes.append(baseline.intra(planes))
             continue
-        symbols = inter_symbols(planes, targets[index - 1], decoded[index - 1].state, coding)
+        reference = decoded[index - 1].state
+        symbols = inter_symbols(planes, targets[index - 1], (reference, reference), coding)
         turn = symbols.activity.get(Attribute.ROTATION)
         sizes.append(baseline.inter(planes, None if turn is None else turn.symbols))
     return sizes

@@ -118,6 +118,18 @@ def drifting(cloud: GaussianCloud, num_frames: int, speed: float = 0.01) -> list
     ]
 
 
+def waving(cloud: GaussianCloud, angle: float) -> GaussianCloud:
+    """The Gaussians with x > 0.2 turned by `angle` radians about the vertical axis."""
+    turn = Rotation.from_rotvec([0.0, angle, 0.0])
+    moving = cloud.positions[:, :1] > 0.2
+    turned = turn * Rotation.from_quat(cloud.rotations, scalar_first=True)
+    return replace(
+        cloud,
+        positions=np.where(moving, turn.apply(cloud.positions), cloud.positions).astype(np.float32),
+        rotations=np.where(moving, turned.as_quat(scalar_first=True), cloud.rotations).astype(np.float32),
+    )
+
+
 def travelling(cloud: GaussianCloud, num_frames: int, speed: float = 0.1) -> list[GaussianCloud]:
     """A tracked sequence in which the whole scene moves along x, far beyond its own size in the end."""
     step = np.array([speed, 0, 0], np.float32)

@@ -213,7 +213,7 @@ class RangeDecoder:
 
     def __init__(self, data: bytes) -> None:
         require(len(data) % 4 == 0)
-        self.words = struct.unpack(f"<{len(data) // 4}I", data)
+        self.words: tuple[int, ...] = struct.unpack(f"<{len(data) // 4}I", data)
         self.lower, self.range, self.next = 0, 2**64 - 1, 0
         self.point = self.read_word() << 32
         self.point |= self.read_word()
@@ -675,8 +675,11 @@ def coded_intra(
 
 # --- 12 P-frames ------------------------------------------------------------------------------------------
 
-CLASS_MIDDLES = (0, 1, 2, 2, 3, 5, 7, 10, 13, 19, 27, 38, 54, 76, 108, 152, 215, 304, 431, 609)
-CLASS_MIDDLES += (861, 1218, 1722, 2435)
+# fmt: off
+CLASS_MIDDLES = (
+    0, 1, 2, 2, 3, 5, 7, 10, 13, 19, 27, 38, 54, 76, 108, 152, 215, 304, 431, 609, 861, 1218, 1722, 2435,
+)
+# fmt: on
 
 
 @dataclass
@@ -782,7 +785,8 @@ def float_column(stream: RangeDecoder, n: int) -> Row:
 
 
 def float_of(pattern: int) -> float:
-    return struct.unpack("<f", struct.pack("<I", pattern))[0]
+    value: float = struct.unpack("<f", struct.pack("<I", pattern))[0]
+    return value
 
 
 def to_grid(value: float, exponent: int) -> int:
@@ -848,6 +852,252 @@ def verbatim_intra(
     return State(verbatim_state(patterns, exponents), order, patterns)
 
 
+# --- 14 motion --------------------------------------------------------------------------------------------
+
+
+@dataclass
+class ControlHeader:
+    """What section 5 says of control points."""
+
+    rule: int
+    spacing: int
+    shift: int
+
+
+@dataclass
+class Gathered:
+    """A point with the control points that it gathers from (14.2) and what it has learnt (14.6)."""
+
+    rank: Row
+    weight: Row
+    effort: Row = field(default_factory=lambda: [0] * 5)
+    choice: int = 0
+
+    def candidates(self, each: Matrix) -> Matrix:
+        """The blend, then what each of the control points gives."""
+        columns = transposed(each)
+        blend = [round_shift(sum(w * x for w, x in zip(self.weight, c, strict=True)), 12) for c in columns]
+        return [blend, *each]
+
+    def learn(self, actual: Row, displacements: Matrix, translation_step: int) -> None:
+        for j in range(5):
+            error = sum(abs(d - a) for d, a in zip(displacements[j], actual, strict=True))
+            kind = ladder(error // (4 * translation_step), 64)
+            self.effort[j] += 16 * kind - (self.effort[j] >> 2)
+        judged = [self.effort[0] - 16, *self.effort[1:]]
+        self.choice = judged.index(min(judged))
+
+
+@dataclass
+class MotionSymbols:
+    """14.3: a mode for each block, who follows, six symbols of each control point."""
+
+    block_log2: int
+    mode: Row
+    follows: list[bool]
+    symbols: Matrix
+
+    def beside(self) -> Activity:
+        """12.1: what the first stream of the residual sees."""
+        return Activity([[int(f)] for f in self.follows], self.mode, [0] * len(self.mode))
+
+
+def squared_distance(a: Row, b: Row) -> int:
+    return sum((x - y) ** 2 for x, y in zip(a, b, strict=True))
+
+
+def farthest(cells: Matrix, wanted: int) -> Row:
+    chosen = [0]
+    distance = [squared_distance(cell, cells[0]) for cell in cells]
+    while len(chosen) < wanted and max(distance) > 0:
+        chosen.append(distance.index(max(distance)))
+        latest = cells[chosen[-1]]
+        distance = [min(d, squared_distance(c, latest)) for d, c in zip(distance, cells, strict=True)]
+    return chosen
+
+
+def stride(cells: Matrix, wanted: int) -> Row:
+    b = (len(cells) - 1).bit_length()
+    backward = [sum((k >> i & 1) << (b - 1 - i) for i in range(b)) for k in range(2**b)]
+    chosen: Row = []
+    for i in [i for i in backward if i < len(cells)][:wanted]:
+        if all(cells[i] != cells[j] for j in chosen):
+            chosen.append(i)
+    return chosen
+
+
+def gather(cell: Row, others: Matrix) -> Gathered:
+    squared = [squared_distance(cell, other) for other in others]
+    count, asked = min(4, len(others)), min(5, len(others))
+    rank = sorted(range(len(others)), key=lambda j: (squared[j], j))[:asked]
+    distance = [math.isqrt(squared[j]) for j in rank]
+    edge = max(distance[asked - 1] if asked > count else 2 * distance[asked - 1], 1)
+    square = [(2**10 - (distance[k] << 10) // edge) ** 2 for k in range(count)]
+    total = max(sum(square), 1)
+    weight = [(s << 12) // total for s in square] + [0] * (4 - count)
+    weight[0] += 2**12 - sum(weight)
+    return Gathered(rank[:count] + [rank[0]] * (4 - count), weight)
+
+
+def matrix(v: Row) -> Matrix:
+    w, x, y, z = from_stereo(v)
+    m = [
+        [-(y * y + z * z), x * y - w * z, x * z + w * y],
+        [x * y + w * z, -(x * x + z * z), y * z - w * x],
+        [x * z - w * y, y * z + w * x, -(x * x + y * y)],
+    ]
+    return [[round_shift(e, 27) for e in row] for row in m]
+
+
+class MotionField:
+    """Control points of a GoF, and the Gaussians bound to them."""
+
+    def __init__(self, positions: Matrix, control: ControlHeader) -> None:
+        n = len(positions)
+        middle = positions[n // 2]
+        cells = [
+            [clip((a - b) >> control.shift, -(2**20), 2**20) for a, b in zip(p, middle, strict=True)]
+            for p in positions
+        ]
+        choose = farthest if control.rule == 0 else stride
+        self.gaussian = choose(cells, min(max(1, n // control.spacing), 16384))
+        count = len(self.gaussian)
+        own_cells = [cells[i] for i in self.gaussian]
+        self.points = [gather(cell, own_cells) for cell in cells]
+        self.pivot = [list(positions[i]) for i in self.gaussian]
+        # 14.1: levels begin at 0, 1, 4, 16, ...; those of the first gather from none
+        starts = [0, *(4**level for level in range(count) if 4**level < count)]
+        self.binding: list[Gathered | None] = []
+        for start, stop in zip(starts, [*starts[1:], count], strict=True):
+            for cell in own_cells[start:stop]:
+                self.binding.append(gather(cell, own_cells[:start]) if start > 0 else None)
+        self.habit_t, self.habit_v = zeros(count), zeros(count)
+        self.t, self.v, self.matrices = zeros(count), zeros(count), [zeros(3)] * count
+        self.translation_step = 1
+        self.last: MotionSymbols | None = None
+
+    def decode(self, fields: Fields, block_log2: int) -> MotionSymbols:
+        """6.2, 14.3; moves the control points."""
+        num_coded, temporal_weight = fields.uvarint(), fields.u8()
+        steps = (fields.uvarint(), fields.uvarint())
+        require(num_coded <= len(self.pivot) and temporal_weight <= 4)
+        require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= 2**18)
+        streams = open_streams(fields, 2)
+        mode, follows = self._followers(next(streams), block_log2)
+        symbols = self._symbols(next(streams), num_coded, steps)
+        require(next(streams, None) is None)
+        self.last = MotionSymbols(block_log2, mode, follows, symbols)
+        self._move(symbols, temporal_weight, steps)
+        return self.last
+
+    def _followers(self, stream: RangeDecoder, block_log2: int) -> tuple[Row, list[bool]]:
+        n = len(self.points)
+        before, followed = [0] * -(-n >> block_log2), [False] * n
+        if self.last is not None:
+            followed = self.last.follows
+            if self.last.block_log2 == block_log2:
+                before = self.last.mode
+        mode = stream.grouped(before, stream.read_histograms(occurring(before), 3))
+        follows = [mode[i >> block_log2] == 1 for i in range(n)]
+        rows = [i for i in range(n) if mode[i >> block_log2] == 2]
+        if rows:
+            contexts = [int(followed[i]) for i in rows]
+            flags = stream.grouped(contexts, stream.read_histograms(occurring(contexts), 2))
+            for i, flag in zip(rows, flags, strict=True):
+                follows[i] = flag == 1
+        return mode, follows
+
+    def _symbols(self, stream: RangeDecoder, num_coded: int, steps: tuple[int, int]) -> Matrix:
+        rows = sorted(range(num_coded), key=lambda k: self.gaussian[k])
+        old = self.last.symbols if self.last else [[0] * 6 for _ in self.pivot]
+        hint = [sum(abs(s) for s in old[k]) for k in rows]
+        symbols = [[0] * 6 for _ in self.pivot]
+        residuals: Matrix = []
+        num_columns = 6 if steps[1] > 0 else 3
+        for c in range(num_columns if num_coded else 0):
+            sources = [[abs(r) for r in residual] for residual in residuals] + [hint]
+            value, residual = predicted_component(stream, Lods(num_coded), residuals, sources)
+            residuals.append(residual)
+            for k, s in zip(rows, value, strict=True):
+                require(abs(s) <= 2 * STATE_LIMIT // steps[c // 3])
+                symbols[k][c] = s
+        return symbols
+
+    def _displace(self, k: int, x: Row) -> Row:
+        offset = [a - b for a, b in zip(x, self.pivot[k], strict=True)]
+        return [
+            self.t[k][a]
+            + round_shift(sum(e * o for e, o in zip(self.matrices[k][a], offset, strict=True)), 20)
+            for a in range(3)
+        ]
+
+    def displacements(self, point: Gathered, x: Row) -> Matrix:
+        return point.candidates([self._displace(k, x) for k in point.rank])
+
+    def turns(self, point: Gathered) -> Matrix:
+        return point.candidates([self.v[k] for k in point.rank])
+
+    def _move(self, symbols: Matrix, temporal_weight: int, steps: tuple[int, int]) -> None:
+        """14.4."""
+        self.translation_step, turn_step = steps
+        for k, point in enumerate(self.binding):
+            t = [round_shift(h * temporal_weight, 2) for h in self.habit_t[k]]
+            v = [round_shift(h * temporal_weight, 2) for h in self.habit_v[k]]
+            if point is not None:
+                displacement = self.displacements(point, self.pivot[k])[point.choice]
+                t = [a + b for a, b in zip(t, displacement, strict=True)]
+                v = [a + b for a, b in zip(v, self.turns(point)[point.choice], strict=True)]
+            s, limit = symbols[k], 2 * STATE_LIMIT
+            self.t[k] = [clip(t[a] + s[a] * self.translation_step, -limit, limit) for a in range(3)]
+            self.v[k] = [0] * 3
+            if turn_step > 0:
+                self.v[k] = [clip(v[a] + s[3 + a] * turn_step, -(2**18), 2**18) for a in range(3)]
+            self.matrices[k] = matrix(self.v[k])
+
+    def carry(self, reference: State, follows: list[bool]) -> State:
+        """14.5."""
+        planes = dict(reference.planes)
+        positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
+        for i, point in enumerate(self.points):
+            if not follows[i]:
+                continue
+            displacement = self.displacements(point, positions[i])[point.choice]
+            positions[i] = [
+                clip(x + d, -STATE_LIMIT, STATE_LIMIT)
+                for x, d in zip(positions[i], displacement, strict=True)
+            ]
+            turn = self.turns(point)[point.choice]
+            if any(turn):
+                rotations[i] = normalise(multiply(from_stereo(turn), rotations[i]))
+        planes[POSITION], planes[ROTATION] = positions, rotations
+        return State(planes, reference.order)
+
+    def learn(self, reference: Matrix, decoded: Matrix) -> None:
+        """14.6, from positions."""
+        assert self.last is not None
+        for i, point in enumerate(self.points):
+            if self.last.follows[i]:
+                actual = [a - b for a, b in zip(decoded[i], reference[i], strict=True)]
+                point.learn(actual, self.displacements(point, reference[i]), self.translation_step)
+        # pivots move when all control points have learnt: displacements are those of this frame
+        for k, own in enumerate(self.binding):
+            self.habit_t[k], self.habit_v[k] = self.t[k], self.v[k]
+            if own is not None:
+                displacements = self.displacements(own, self.pivot[k])
+                own.learn(self.t[k], displacements, self.translation_step)
+                chosen_t, chosen_v = displacements[own.choice], self.turns(own)[own.choice]
+                self.habit_t[k] = [a - b for a, b in zip(self.t[k], chosen_t, strict=True)]
+                self.habit_v[k] = [a - b for a, b in zip(self.v[k], chosen_v, strict=True)]
+        self.pivot = [
+            [clip(x + d, -STATE_LIMIT, STATE_LIMIT) for x, d in zip(*pair, strict=True)]
+            for pair in zip(self.pivot, self.t, strict=True)
+        ]
+
+
+def zeros(count: int) -> Matrix:
+    return [[0] * 3 for _ in range(count)]
+
+
 # --- 3 to 7 files -----------------------------------------------------------------------------------------
 
 
@@ -877,7 +1127,7 @@ class Frame:
 
 def sequence_header(fields: Fields) -> Sequence:
     version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
-    require(version == 1 and profile == 0 and level in (1, 2, 3) and sh_degree <= 3 and order <= 2)
+    require(version == 2 and profile == 0 and level in (1, 2, 3) and sh_degree <= 3 and order <= 2)
     num_frames = fields.uvarint()
     fields.uvarint()
     require(num_frames > 0 and fields.uvarint() > 0)
@@ -906,7 +1156,7 @@ def chunks(data: bytes) -> Iterator[tuple[int, int, Fields]]:
         payload = fields.raw(length)
         crc = zlib.crc32(data[start : fields.place])
         require(fields.raw(4) == struct.pack("<I", crc))
-        if kind in (0x01, 0x10, 0x20, 0x24, 0x7E, 0x7F):
+        if kind in (0x01, 0x10, 0x20, 0x22, 0x24, 0x7E, 0x7F):
             yield kind, frame_index, Fields(payload)
         else:
             require(kind & 0x80 != 0)
@@ -922,10 +1172,12 @@ def open_streams(fields: Fields, count: int) -> Iterator[RangeDecoder]:
     require(fields.place == len(fields.data))
 
 
-def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, State, Matrix]:
-    """Hash, state, anchor positions."""
+def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, State, Matrix, ControlHeader]:
+    """Hash, state, anchor positions, what control points there are."""
     frame_hash, kind = fields.raw(16), fields.u8()
     n, has_permutation = fields.uvarint(), bool(fields.u8())
+    control = ControlHeader(fields.u8(), fields.uvarint(), fields.u8())
+    require(control.rule in (0, 1) and control.spacing >= 1 and control.shift <= 31)
     count = len(sequence.attributes) + has_permutation
     if kind == 1:
         shift, bits = fields.u8(), fields.u8()
@@ -941,7 +1193,7 @@ def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, State, Matri
         state = verbatim_intra(streams, n, sequence.attributes, coding)
         anchors = state.planes[POSITION]
     require(next(streams, None) is None)
-    return frame_hash, state, anchors
+    return frame_hash, state, anchors, control
 
 
 class Decoder:
@@ -955,6 +1207,9 @@ class Decoder:
         self._state = State({})
         self._history: dict[int, Activity] = {}
         self._gof = Lods(0)
+        self._intra: Matrix = []
+        self._control = ControlHeader(0, 1, 0)
+        self._motion: MotionField | None = None
 
     def frames(self) -> Iterator[Frame]:
         expected = 0
@@ -963,9 +1218,10 @@ class Decoder:
                 continue
             require(frame_index == expected)
             if kind == 0x10:
-                frame_hash, self._state, anchors = intra_frame(fields, self.sequence)
+                frame_hash, self._state, anchors, self._control = intra_frame(fields, self.sequence)
                 self._gof = Lods(len(anchors), anchors)
                 self._history = {}
+                self._intra, self._motion = self._state.planes[POSITION], None
             else:
                 require(kind == 0x20 and expected > 0)
                 frame_hash = self._inter_frame(fields, frame_index)
@@ -973,24 +1229,42 @@ class Decoder:
             expected += 1
         require(expected == self.sequence.num_frames)
 
+    def _following(self, kind: int, frame_index: int) -> Fields:
+        """The payload of a chunk that belongs to the INTER_FRAME chunk before it (3.2)."""
+        found, index, fields = next(self._chunks)
+        require(found == kind and index == frame_index)
+        return fields
+
     def _inter_frame(self, fields: Fields, frame_index: int) -> bytes:
-        frame_hash, mask = fields.raw(16), fields.u8()
+        frame_hash, tools, mask = fields.raw(16), fields.u8(), fields.u8()
         attributes = [a for a in self.sequence.attributes if mask >> a & 1]
-        require(mask < 1 << len(self.sequence.attributes))
-        activity: dict[int, Activity] = {}
-        steps: dict[int, int] = {}
-        if mask:
-            block_log2 = fields.u8()
-            steps = {attribute: fields.uvarint() for attribute in attributes}
-            kind, index, residual = next(self._chunks)
-            require(kind == 0x24 and index == frame_index)
-            activity = self._residual(residual, attributes, block_log2)
+        require(tools <= 1 and mask < 1 << len(self.sequence.attributes))
+        block_log2 = fields.u8() if tools or mask else 3
+        steps = {attribute: fields.uvarint() for attribute in attributes}
         require(fields.place == len(fields.data))
+        reference = self._state
+        motion = self._moved(self._following(0x22, frame_index), block_log2) if tools else None
+        activity: dict[int, Activity] = {}
+        if mask:
+            beside = motion.beside() if motion else None
+            residual = self._following(0x24, frame_index)
+            activity = self._residual(residual, attributes, block_log2, beside)
         self._history = activity
         self._state = reconstruct_inter(activity, steps, self._state)
+        if motion and self._motion:
+            self._motion.learn(reference.planes[POSITION], self._state.planes[POSITION])
         return frame_hash
 
-    def _residual(self, fields: Fields, attributes: Row, block_log2: int) -> dict[int, Activity]:
+    def _moved(self, fields: Fields, block_log2: int) -> MotionSymbols:
+        """Makes the state the predicted frame (9.3)."""
+        self._motion = self._motion or MotionField(self._intra, self._control)
+        motion = self._motion.decode(fields, block_log2)
+        self._state = self._motion.carry(self._state, motion.follows)
+        return motion
+
+    def _residual(
+        self, fields: Fields, attributes: Row, block_log2: int, beside: Activity | None
+    ) -> dict[int, Activity]:
         n = len(self._state.planes[POSITION])
         num_blocks = -(-n >> block_log2)
 
@@ -999,7 +1273,7 @@ class Decoder:
             return Activity([[0] * num_columns for _ in range(n)], zeros, zeros)
 
         activity: dict[int, Activity] = {}
-        beside = nothing(1)
+        beside = beside or nothing(1)
         streams = open_streams(fields, len(attributes))
         for attribute, stream in zip(attributes, streams, strict=True):
             before = self._history.get(attribute)
@@ -1014,7 +1288,8 @@ class Decoder:
 
 
 def to_float32(value: int, exponent: int) -> float:
-    return struct.unpack("<f", struct.pack("<f", math.ldexp(value, exponent)))[0]
+    rounded: float = struct.unpack("<f", struct.pack("<f", math.ldexp(value, exponent)))[0]
+    return rounded
 
 
 def float_planes(state: State, sequence: Sequence) -> dict[int, list[list[float]]]:

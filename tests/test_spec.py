@@ -35,13 +35,23 @@ from dfcgs_codec import (
     encode_sequence,
 )
 from dfcgs_codec.bitstream import constants
-from dfcgs_codec.bitstream.constants import Attribute, ChunkType, IntraKind, OutputOrder, Profile
+from dfcgs_codec.bitstream.constants import (
+    Attribute,
+    ChunkType,
+    ControlRule,
+    IntraKind,
+    OutputOrder,
+    Profile,
+    Tool,
+)
 from dfcgs_codec.bitstream.container import ContainerWriter
-from dfcgs_codec.bitstream.frame_headers import SortGrid
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
+from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.intra import IntraSymbols
+from dfcgs_codec.codec.motion import MotionSymbols, classify_modes
 from dfcgs_codec.codec.side_information import (
     HistogramLayout,
     code_layout,
@@ -51,7 +61,8 @@ from dfcgs_codec.codec.side_information import (
     histogram_models,
 )
 from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder import frame_coding
+from dfcgs_codec.encoder import frame_coding, streams
+from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.entropy import coder, tables
 from dfcgs_codec.entropy.symbols import code_bits, code_escapes, code_residuals
@@ -96,7 +107,8 @@ def _tables() -> dict[str, dict[str, Any]]:
 
 TABLES = _tables()
 _ENUMS = {
-    kind.__name__: kind for kind in (ChunkType, Profile, OutputOrder, IntraKind, Attribute, tables.Shape)
+    kind.__name__: kind
+    for kind in (ChunkType, Profile, OutputOrder, IntraKind, ControlRule, Tool, Attribute, tables.Shape)
 }
 _MODULES = [name for name in TABLES if "." in name]
 
@@ -609,6 +621,34 @@ def _random_grid(rng: np.random.Generator) -> SortGrid:
     return SortGrid(int(rng.integers(0, 3)), int(rng.integers(0, 7)), origin, bool(rng.integers(2)))
 
 
+def _random_control(rng: np.random.Generator) -> ControlHeader:
+    return ControlHeader(
+        ControlRule(int(rng.integers(2))), int(rng.choice([1, 2, 7, 1000])), int(rng.integers(0, 9))
+    )
+
+
+def _random_motion(
+    rng: np.random.Generator, before: frame_coding.CodedFrame, block_log2: int
+) -> MotionTrial | None:
+    if rng.random() < 0.3:
+        return None
+    motion = before.motion()
+    points, count = motion.field.num_points, before.state.num_gaussians
+    header = MotionHeader(
+        int(rng.integers(0, points + 1)),
+        int(rng.integers(0, 5)),
+        int(rng.integers(1, 300)),
+        int(rng.choice([0, 1, 900])),
+    )
+    control = rng.integers(-9, 10, (points, 6)) * (rng.random((points, 6)) < rng.random())
+    control[header.num_coded :] = 0
+    if not header.is_rigid:
+        control[:, 3:] = 0
+    follows = rng.random(count) < rng.choice([0.0, 0.5, 1.0])
+    symbols = MotionSymbols(control, classify_modes(follows, block_log2), follows)
+    return MotionTrial(header, symbols, motion.carry(header, symbols, before.state), 0.0)
+
+
 def _random_intra(
     rng: np.random.Generator, index: int, attributes: list[Attribute], header: SequenceHeader
 ) -> frame_coding.CodedFrame:
@@ -616,14 +656,13 @@ def _random_intra(
     if rng.random() < 0.3:
         permutation = rng.permutation(count) if rng.random() < 0.5 else None
         state = state_of(_cloud(rng, count, header.sh_degree), header.unit_exponents)
-        return frame_coding.code_verbatim_frame(index, state, permutation)
+        return frame_coding.code_verbatim_frame(index, state, permutation, _random_control(rng))
     grid = _random_grid(rng)
     steps = {attribute: int(rng.integers(1, 400)) for attribute in attributes}
     # beyond the cube of the stereographic vector, too
     steps[Attribute.ROTATION] = int(rng.integers(1, 6000))
-    return frame_coding.code_intra_frame(
-        index, _intra_symbols(rng, count, header.sh_degree, grid), grid, steps
-    )
+    symbols = _intra_symbols(rng, count, header.sh_degree, grid)
+    return frame_coding.code_intra_frame(index, symbols, grid, steps, _random_control(rng))
 
 
 def _random_inter(
@@ -634,7 +673,8 @@ def _random_inter(
     present = attributes if rng.random() < 0.8 else []
     symbols = _inter_symbols(rng, present, before.state.num_gaussians, block_log2)
     steps = {attribute: int(rng.integers(1, 3000)) for attribute in attributes}
-    coded = frame_coding.code_inter_frame(index, symbols, before, (steps, block_log2))
+    trial = _random_motion(rng, before, block_log2)
+    coded = frame_coding.code_inter_frame(index, symbols, before, (steps, block_log2), trial)
     for activity in coded.history.activity.values():
         np.clip(activity.magnitude, 0, 23, out=activity.magnitude)
     return coded
@@ -643,7 +683,7 @@ def _random_inter(
 @pytest.mark.parametrize("seed", range(30))
 def test_random_choices(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(seed)
-    monkeypatch.setattr(frame_coding, "SymbolWriter", RandomWriter)
+    monkeypatch.setattr(streams, "SymbolWriter", RandomWriter)
     monkeypatch.setattr(RandomWriter, "rng", rng)
     sh_degree, num_frames = int(rng.integers(2)), 6
     attributes = list(Attribute)[: Attribute.SH_1 + sh_degree]
@@ -708,7 +748,8 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_PLAIN[: _CHUNKS[4]] + _PLAIN[_CHUNKS[5] :], "corrupt"),
         (_PLAIN[: _CHUNKS[1]] + _PLAIN[8:], "corrupt"),
         (_PLAIN[:100] + b"!" + _PLAIN[101:], "corrupt"),
-        (_patched("bitstream_version", b"\2"), "unsupported"),
+        (_patched("bitstream_version", b"\1"), "unsupported"),
+        (_patched("bitstream_version", b"\3"), "unsupported"),
         (_patched("profile", b"\1"), "unsupported"),
         (_patched("profile", b"\2"), "unsupported"),
         (_patched("level", b"\0"), "unsupported"),
@@ -723,7 +764,8 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("opacity_exponent", bytes([10 * 2 - 1])), "limit"),
         (_patched("model_id_length", b"\x7f"), "limit"),
         (_patched("model_id_length", b"\1"), "corrupt"),
-        (_patched("chunk_type", b"\x22", 1), "unsupported"),
+        (_patched("chunk_type", b"\x22", 1), "corrupt"),
+        (_patched("chunk_type", b"\x23", 1), "unsupported"),
         (_patched("chunk_type", b"\x42", 1), "unsupported"),
         (_patched("frame_index", b"\1", 2), "corrupt"),
         (_patched("frame_hash", b"\0" * 16), "verification"),
@@ -733,6 +775,9 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("num_gaussians", b"\xff\xff\x7f"), "limit"),
         (_patched("has_permutation", b"\2"), "limit"),
         (_patched("has_permutation", b"\0"), "corrupt"),
+        (_patched("control_rule", b"\2"), "unsupported"),
+        (_patched("control_spacing", b"\0"), "corrupt"),
+        (_patched("control_shift", bytes([32])), "limit"),
         (_patched("sort_shift", bytes([32])), "limit"),
         (_patched("sort_bits", bytes([22])), "limit"),
         (_patched("has_excess", b"\2"), "limit"),
@@ -740,6 +785,11 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("step of SCALE", b"\x84\0"), "corrupt"),
         (_patched("stream_length of POSITION", b"\x05"), "corrupt"),
         (_patched("stream of POSITION", b"\xff" * 4), "corrupt"),
+        (_patched("tools", b"\x81"), "unsupported"),
+        (_patched("tools", b"\0"), "corrupt"),
+        (_patched("num_coded", b"\4"), "limit"),
+        (_patched("temporal_weight", b"\5"), "limit"),
+        (_patched("translation_step", b"\0"), "corrupt"),
         (_patched("attribute_mask", b"\x25"), "corrupt"),
         (_patched("block_log2", b"\2"), "limit"),
         (_patched("block_log2", b"\x0d"), "limit"),
@@ -766,7 +816,7 @@ def test_text_names_every_error() -> None:
     codes = {kind.code: kind.__name__ for kind in BitstreamError.__subclasses__()}
     codes |= {VerificationError.code: VerificationError.__name__}
     codes.pop(errors.ModelMismatch.code)
-    text = SPEC[SPEC.index("## 15 ") : SPEC.index("## 16 ")]
+    text = SPEC[SPEC.index("## 16 ") : SPEC.index("## 17 ")]
     written = {code: name for name, code in re.findall(r"^\| `(\w+)` \| `([\w-]+)` \|", text, re.M)}
     assert written == codes
 

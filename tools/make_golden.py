@@ -25,12 +25,14 @@ from dfcgs_codec.bitstream.constants import (
     LEVELS,
     STATE_LIMIT,
     ChunkType,
+    ControlRule,
     IntraKind,
     OutputOrder,
 )
 from dfcgs_codec.bitstream.frame_headers import IntraHeader
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
+from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.ply import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -50,6 +52,14 @@ def _scattered(count: int) -> GaussianCloud:
     """Small Gaussians so far apart that a sort key cannot hold their positions."""
     cloud = helpers.make_cloud(count)
     return replace(cloud, positions=cloud.positions * np.float32(1e4), scales=cloud.scales - 2)
+
+
+def _waving(count: int, num_frames: int, seed: int = 3) -> list[GaussianCloud]:
+    """One half turns about the vertical axis, farther with every frame; the other stands still."""
+    cloud = helpers.make_cloud(count, 0, seed)
+    # so small that motion is worth its bytes
+    cloud = replace(cloud, scales=cloud.scales - 3)
+    return [helpers.waving(cloud, 0.1 * index) for index in range(num_frames)]
 
 
 def valid_sequences() -> dict[str, Sequence]:
@@ -87,6 +97,13 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.all_changing(helpers.clustered_cloud(90, 1), 3),
             EncoderOptions(bounds=(Bound("position", 0.001), Bound("alpha", 0.01))),
         ),
+        "motion": (_waving(900, 4), EncoderOptions(control_spacing=20)),
+        "motion_by_stride": (
+            _waving(600, 3),
+            EncoderOptions(control_rule=ControlRule.STRIDE, control_spacing=30, qp=20),
+        ),
+        "motion_after_verbatim": (_waving(300, 3), EncoderOptions(intra=IntraKind.PLY, control_spacing=10)),
+        "motion_only": (_waving(300, 4), EncoderOptions(motion=MotionMode.ONLY, control_spacing=12)),
         "odd_rate": (
             helpers.still(helpers.make_cloud(5), 2),
             EncoderOptions(frame_rate=Fraction(30000, 1001)),
@@ -194,8 +211,12 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
             helpers.join_chunks([stretched, *helpers.split_chunks(valid)[1:]]),
             "CorruptBitstream",
         ),
-        "unknown_attribute": (
+        "unknown_tool": (
             _chunks_with(valid, _in_chunk(ChunkType.INTER_FRAME, 16, 0x80)),
+            "UnsupportedBitstream",
+        ),
+        "unknown_attribute": (
+            _chunks_with(valid, _in_chunk(ChunkType.INTER_FRAME, 17, 0x80)),
             "CorruptBitstream",
         ),
     }
@@ -215,13 +236,15 @@ def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
         "text_mode": (valid.replace(b"\r\n", b"\n", 1), "NotADgsFile"),
         "foreign_glps": (b"glps" + valid[4:], "NotADgsFile"),
         "trailing_bytes": (valid + b"more", "CorruptBitstream"),
-        "version_2": (_chunks_with(valid, _in_chunk(header, 0, 2)), "UnsupportedBitstream"),
+        "version_1": (_chunks_with(valid, _in_chunk(header, 0, 1)), "UnsupportedBitstream"),
+        "version_200": (_chunks_with(valid, _in_chunk(header, 0, 200)), "UnsupportedBitstream"),
         "unknown_profile": (_chunks_with(valid, _in_chunk(header, 1, 9)), "UnsupportedBitstream"),
         "paper_profile": (_chunks_with(valid, _in_chunk(header, 1, 1)), "UnsupportedBitstream"),
         "unknown_level": (_chunks_with(valid, _in_chunk(header, 2, 200)), "UnsupportedBitstream"),
         "sh_degree_4": (_chunks_with(valid, _in_chunk(header, 3, 4)), "LimitExceeded"),
         "unknown_critical_chunk": (_with_chunk(valid, 0x33), "UnsupportedBitstream"),
-        "motion_chunk": (_with_chunk(valid, ChunkType.MOTION), "UnsupportedBitstream"),
+        "topology_chunk": (_with_chunk(valid, ChunkType.TOPOLOGY), "UnsupportedBitstream"),
+        "misplaced_motion": (_with_chunk(valid, ChunkType.MOTION), "CorruptBitstream"),
         "wrong_hash": (_chunks_with(valid, _in_chunk(ChunkType.INTRA_FRAME, 0, 0xAA)), "VerificationError"),
         "no_intra_frame": (_without_intra(valid), "CorruptBitstream"),
     }

@@ -19,15 +19,24 @@ from unittest import mock
 
 import numpy as np
 
-from dfcgs_codec.bitstream.constants import Attribute, ChunkType, IntraKind, OutputOrder, Profile
+from dfcgs_codec.bitstream.constants import (
+    Attribute,
+    ChunkType,
+    ControlRule,
+    IntraKind,
+    OutputOrder,
+    Profile,
+)
 from dfcgs_codec.bitstream.container import ContainerWriter
-from dfcgs_codec.bitstream.frame_headers import SortGrid
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
 from dfcgs_codec.bitstream.io import ByteReader
+from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
-from dfcgs_codec.codec import decoder
+from dfcgs_codec.codec import gof_decoder
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.intra import IntraSymbols
+from dfcgs_codec.codec.motion import MIXED, MotionSymbols
 from dfcgs_codec.codec.side_information import (
     ABSENT_LEVEL,
     EXPECTED_SCALE_RISE,
@@ -44,7 +53,8 @@ from dfcgs_codec.codec.symbols import (
     ResidualEvidence,
     WeightEvidence,
 )
-from dfcgs_codec.encoder import frame_coding
+from dfcgs_codec.encoder import frame_coding, streams
+from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.entropy.coder import Model
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, scale_table
@@ -73,6 +83,10 @@ _STEPS = {
     Attribute.OPACITY: 512,
     Attribute.SH_DC: 512,
 }
+_CONTROL = ControlHeader(ControlRule.STRIDE, spacing=1, shift=1)
+_MOTION = MotionHeader(num_coded=1, temporal_weight=0, translation_step=2, turn_step=4096)
+_CONTROL_SYMBOLS = [[1, -1, 0, 0, 0, 2], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]
+_FOLLOWS = [False, True, False]
 _GRID = SortGrid(shift=0, bits=2, origin=(-1, 0, 2), has_excess=False)
 _INTRA = {
     Attribute.POSITION: [[-1, 0, 2], [0, 0, 4], [2, 3, 3]],
@@ -133,6 +147,14 @@ def _inter_symbols() -> InterSymbols:
     return InterSymbols(activity)
 
 
+def _motion(intra: frame_coding.CodedFrame) -> MotionTrial:
+    """The first control point moves, the second Gaussian follows."""
+    motion = intra.motion()
+    follows = np.array(_FOLLOWS)
+    symbols = MotionSymbols(np.array(_CONTROL_SYMBOLS, np.int64), np.array([MIXED]), follows)
+    return MotionTrial(_MOTION, symbols, motion.carry(_MOTION, symbols, intra.state), 0.0)
+
+
 def build() -> bytes:
     """The file."""
     file = io.BytesIO()
@@ -140,9 +162,10 @@ def build() -> bytes:
     writer.chunk(ChunkType.ENCODER_INFO, 0, b"worked example")
     planes = {attribute: np.array(rows, np.int64) for attribute, rows in _INTRA.items()}
     symbols = IntraSymbols(planes, np.array(_PERMUTATION, np.int64))
-    with mock.patch.object(frame_coding, "SymbolWriter", PlainWriter):
-        intra = frame_coding.code_intra_frame(0, symbols, _GRID, _STEPS)
-        inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra, (_STEPS, _BLOCK_LOG2))
+    with mock.patch.object(streams, "SymbolWriter", PlainWriter):
+        intra = frame_coding.code_intra_frame(0, symbols, _GRID, _STEPS, _CONTROL)
+        trial = _motion(intra)
+        inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra, (_STEPS, _BLOCK_LOG2), trial)
     writer.gof(0, [intra.data, inter.data])
     writer.finish()
     return file.getvalue()
@@ -214,6 +237,9 @@ def _intra_frame(trace: _Tracer) -> None:
     trace.number("u8", "intra_kind", lambda v: f"{v} {IntraKind(v).name}")
     trace.number("uvarint", "num_gaussians")
     permuted = trace.number("u8", "has_permutation")
+    trace.number("u8", "control_rule", lambda v: f"{v} {ControlRule(v).name}")
+    trace.number("uvarint", "control_spacing")
+    trace.number("u8", "control_shift")
     trace.number("u8", "sort_shift")
     trace.number("u8", "sort_bits")
     for axis in "xyz":
@@ -227,13 +253,22 @@ def _intra_frame(trace: _Tracer) -> None:
 
 def _inter_frame(trace: _Tracer) -> list[str]:
     trace.raw(16, "frame_hash")
+    tools = trace.number("u8", "tools", lambda v: f"{v:#04x}")
     mask = trace.number("u8", "attribute_mask", lambda v: f"{v:#04x}")
     names = [attribute.name for attribute in trace.attributes if mask >> attribute & 1]
-    if mask:
+    if mask or tools:
         trace.number("u8", "block_log2")
     for name in names:
         trace.number("uvarint", f"step of {name}")
     return names
+
+
+def _motion_chunk(trace: _Tracer) -> None:
+    trace.number("uvarint", "num_coded")
+    trace.number("u8", "temporal_weight")
+    trace.number("uvarint", "translation_step")
+    trace.number("uvarint", "turn_step")
+    _streams(trace, ["who follows", "control points"])
 
 
 def _index(trace: _Tracer) -> None:
@@ -257,6 +292,8 @@ def annotate(data: bytes) -> list[str]:
             _intra_frame(trace)
         elif kind == ChunkType.INTER_FRAME:
             names = _inter_frame(trace)
+        elif kind == ChunkType.MOTION:
+            _motion_chunk(trace)
         elif kind == ChunkType.RESIDUAL:
             _streams(trace, names)
         elif kind == ChunkType.INDEX:
@@ -341,9 +378,15 @@ class _TracingReader(SymbolReader):
 def symbols(data: bytes) -> list[str]:
     """Lines of the symbols of some streams: what they say, their number, the size of their model, symbols."""
     _TracingReader.streams.clear()
-    with mock.patch.object(decoder, "SymbolReader", _TracingReader):
+    with mock.patch.object(gof_decoder, "SymbolReader", _TracingReader):
         frames(data)
-    names = {0: "POSITION, frame 0", 1: "the permutation, frame 0", 6: "POSITION, frame 1"}
+    names = {
+        0: "POSITION, frame 0",
+        1: "the permutation, frame 0",
+        6: "who follows, frame 1",
+        7: "control points, frame 1",
+        8: "POSITION, frame 1",
+    }
     return [
         line
         for index, name in names.items()

@@ -61,7 +61,14 @@ def test_text(stream: Path) -> None:
     done = dfcgs("info", stream, "--frames", "--chunks")
     assert done.returncode == 0
     assert done.stderr == ""
-    for word in ("5 at 30 per second", "SH degree 2", "qp=28", "x smaller", "bits per Gaussian", "residual"):
+    for word in (
+        "5 at 30 per second",
+        "SH degree 2",
+        "qp=28",
+        "x smaller",
+        "bits per Gaussian",
+        "inter_frame",
+    ):
         assert word in done.stdout
 
 

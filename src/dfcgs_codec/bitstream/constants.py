@@ -8,7 +8,7 @@ from typing import NamedTuple
 MAGIC = b"\x89DGS\r\n\x1a\n"
 #: first bytes of another package's `.dgs` files (dgs-py: one static scene with linear velocities)
 FOREIGN_MAGIC = b"glps"
-BITSTREAM_VERSION = 1
+BITSTREAM_VERSION = 2
 
 #: chunk types with this bit set may be skipped when unknown
 ANCILLARY_BIT = 0x80
@@ -30,6 +30,10 @@ MAX_SORT_SHIFT = 31
 #: log2 of the Gaussians in a significance block of a P-frame
 MIN_BLOCK_LOG2 = 3
 MAX_BLOCK_LOG2 = 12
+#: log2 of the grid units of a cell that control points are chosen on
+MAX_CONTROL_SHIFT = 31
+#: the temporal weight of motion is in quarters
+MAX_TEMPORAL_WEIGHT = 4
 
 
 class ChunkType(IntEnum):
@@ -67,6 +71,19 @@ class IntraKind(IntEnum):
 
     PLY = 0
     CODED = 1
+
+
+class ControlRule(IntEnum):
+    """Which Gaussians of the I-frame are control points (spec section 14.1)."""
+
+    FARTHEST = 0
+    STRIDE = 1
+
+
+class Tool(IntEnum):
+    """What a P-frame may hold besides residuals; the value is the bit in `tools` (spec section 6.1)."""
+
+    MOTION = 0
 
 
 class Attribute(IntEnum):

@@ -7,17 +7,20 @@ from dataclasses import dataclass
 from dfcgs_codec.bitstream.constants import (
     FRAME_HASH_BYTES,
     MAX_BLOCK_LOG2,
+    MAX_CONTROL_SHIFT,
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
     MIN_BLOCK_LOG2,
     STATE_LIMIT,
     Attribute,
+    ControlRule,
     IntraKind,
+    Tool,
 )
 from dfcgs_codec.bitstream.fields import at_most, read_bounded, read_enum
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
-from dfcgs_codec.errors import CorruptBitstream, LimitExceeded
+from dfcgs_codec.errors import CorruptBitstream, LimitExceeded, UnsupportedBitstream
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,33 @@ class SortGrid:
         return SortGrid(shift, bits, (x, y, z), bool(read_bounded(reader.u8, 1, "has_excess", reader)))
 
 
+@dataclass(frozen=True)
+class ControlHeader:
+    """Which Gaussians are control points: one for every `spacing` (spec section 14.1)."""
+
+    rule: ControlRule
+    spacing: int
+    shift: int
+
+    def write(self, writer: ByteWriter) -> None:
+        """Rule, spacing, cell shift."""
+        writer.u8(self.rule)
+        writer.uvarint(self.spacing)
+        writer.u8(self.shift)
+
+    @staticmethod
+    def read(reader: ByteReader) -> ControlHeader:
+        """Refuses unknown rules, spacing 0, and shifts out of range."""
+        rule = read_enum(ControlRule, reader, "control_rule")
+        offset = reader.offset
+        spacing = read_bounded(reader.uvarint, STATE_LIMIT, "control_spacing", reader)
+        if spacing == 0:
+            raise CorruptBitstream("control_spacing is 0", offset=offset)
+        return ControlHeader(
+            rule, spacing, read_bounded(reader.u8, MAX_CONTROL_SHIFT, "control_shift", reader)
+        )
+
+
 def _write_steps(writer: ByteWriter, steps: dict[Attribute, int]) -> None:
     for attribute in sorted(steps):
         writer.uvarint(steps[attribute])
@@ -76,6 +106,7 @@ class IntraHeader:
     kind: IntraKind
     num_gaussians: int
     has_permutation: bool
+    control: ControlHeader
     sort_grid: SortGrid | None
     steps: dict[Attribute, int]
     lengths: tuple[int, ...]
@@ -86,6 +117,7 @@ class IntraHeader:
         writer.u8(self.kind)
         writer.uvarint(self.num_gaussians)
         writer.u8(int(self.has_permutation))
+        self.control.write(writer)
         if self.sort_grid is not None:
             self.sort_grid.write(writer)
             _write_steps(writer, self.steps)
@@ -102,44 +134,57 @@ class IntraHeader:
         if n == 0:
             raise CorruptBitstream("num_gaussians is 0", offset=offset)
         permuted = bool(read_bounded(reader.u8, 1, "has_permutation", reader))
+        control = ControlHeader.read(reader)
         attributes = coded_attributes(sequence.sh_degree)
         grid, steps = None, {}
         if kind == IntraKind.CODED:
             grid = SortGrid.read(reader)
             steps = _read_steps(reader, attributes)
         lengths = tuple(reader.uvarint() for _ in range(len(attributes) + permuted))
-        return IntraHeader(frame_hash, kind, n, permuted, grid, steps, lengths)
+        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths)
+
+
+def _read_block_log2(reader: ByteReader) -> int:
+    """Refuses block sizes out of range."""
+    offset = reader.offset
+    block_log2 = reader.u8()
+    if not MIN_BLOCK_LOG2 <= block_log2 <= MAX_BLOCK_LOG2:
+        raise LimitExceeded(f"block_log2 is {block_log2}", offset=offset)
+    return block_log2
 
 
 @dataclass(frozen=True)
 class InterHeader:
-    """Payload of an INTER_FRAME chunk; no steps means that the frame repeats its reference."""
+    """Payload of an INTER_FRAME chunk; without tools and steps the frame repeats its reference."""
 
     frame_hash: bytes
+    tools: frozenset[Tool]
     block_log2: int
     steps: dict[Attribute, int]
 
     def write(self, writer: ByteWriter) -> None:
-        """Hash and attribute mask; block size and steps where the mask is not zero."""
+        """Hash, tools and attribute mask; block size where one of them is not zero; steps."""
         writer.raw(self.frame_hash)
+        writer.u8(sum(1 << tool for tool in self.tools))
         writer.u8(sum(1 << attribute for attribute in self.steps))
-        if self.steps:
+        if self.steps or self.tools:
             writer.u8(self.block_log2)
-            _write_steps(writer, self.steps)
+        _write_steps(writer, self.steps)
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> InterHeader:
-        """Refuses attributes that the sequence does not have."""
+        """Refuses tools that are unknown and attributes that the sequence does not have."""
         frame_hash = reader.raw(FRAME_HASH_BYTES)
+        offset = reader.offset
+        bits = reader.u8()
+        tools = frozenset(tool for tool in Tool if bits >> tool & 1)
+        if sum(1 << tool for tool in tools) != bits:
+            raise UnsupportedBitstream(f"tools {bits:#x} need a newer decoder", offset=offset)
         offset = reader.offset
         mask = reader.u8()
         present = [a for a in coded_attributes(sequence.sh_degree) if mask >> a & 1]
         if sum(1 << a for a in present) != mask:
             raise CorruptBitstream(f"attribute_mask {mask:#x} names unknown attributes", offset=offset)
-        if not mask:
-            return InterHeader(frame_hash, 0, {})
-        offset = reader.offset
-        block_log2 = reader.u8()
-        if not MIN_BLOCK_LOG2 <= block_log2 <= MAX_BLOCK_LOG2:
-            raise LimitExceeded(f"block_log2 is {block_log2}", offset=offset)
-        return InterHeader(frame_hash, block_log2, _read_steps(reader, present))
+        if not mask and not tools:
+            return InterHeader(frame_hash, tools, 0, {})
+        return InterHeader(frame_hash, tools, _read_block_log2(reader), _read_steps(reader, present))

@@ -13,9 +13,9 @@ from typing import Any
 import click
 
 from dfcgs_codec.api import encode_sequence
-from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
+from dfcgs_codec.bitstream.constants import ControlRule, IntraKind, OutputOrder
 from dfcgs_codec.cli.progress import progress_bar
-from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.options import EncoderOptions, MotionMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES, Bound
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import VerificationError
@@ -42,6 +42,18 @@ class _Rate(click.ParamType[Fraction]):
             self.fail(f"{value!r} is not a frame rate such as 30, 29.97 or 30000/1001", param, ctx)
 
 
+class _GofSize(click.ParamType[int | None]):
+    name = "auto|frames"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | None:
+        if value == "auto":
+            return None
+        try:
+            return int(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither auto nor a number of frames", param, ctx)
+
+
 class _Bound(click.ParamType[Bound]):
     name = "attribute=value"
 
@@ -53,12 +65,18 @@ class _Bound(click.ParamType[Bound]):
             self.fail(f"{value!r} is not like position=0.001", param, ctx)
 
 
+_CONTROL_RULES = {rule.name.lower(): rule for rule in ControlRule}
+
+
 def _options(values: dict[str, Any]) -> EncoderOptions:
     qp = values["qp"] if values["qp"] is not None else QUALITIES[values["quality"]]
     return EncoderOptions(
         qp=qp,
         bounds=values["bound"],
         gof_size=values["gof_size"],
+        motion=MotionMode(values["motion"]),
+        control_rule=_CONTROL_RULES[values["control_points"]],
+        control_spacing=values["control_spacing"],
         intra=IntraKind[values["intra"].upper()],
         order=OutputOrder[values["order"].upper()],
         frame_rate=values["fps"],
@@ -112,10 +130,27 @@ def _summary(report: EncodeReport, target: Path) -> str:
 )
 @click.option(
     "--gof-size",
-    type=int,
-    default=10,
+    type=_GofSize(),
+    default="auto",
     show_default=True,
-    help="Frames from one I-frame to the next, at most.",
+    help="Frames from one I-frame to the next, at most; auto: the encoder chooses, 60 at most.",
+)
+@click.option(
+    "--motion",
+    type=click.Choice([mode.value for mode in MotionMode]),
+    default="auto",
+    show_default=True,
+    help="Where control points carry the Gaussians along: auto where that pays; only: and no residual.",
+)
+@click.option(
+    "--control-points",
+    type=click.Choice(list(_CONTROL_RULES)),
+    default="farthest",
+    show_default=True,
+    help="How control points are chosen.",
+)
+@click.option(
+    "--control-spacing", type=int, default=70, show_default=True, help="Gaussians to a control point."
 )
 @click.option(
     "--intra",

@@ -176,12 +176,13 @@ def _code_columns(
 
 @dataclass(frozen=True)
 class InterShape:
-    """What headers and reference say that the walk needs."""
+    """What headers, reference and motion say that the walk needs."""
 
     attributes: list[Attribute]
     num_gaussians: int
     block_log2: int
     levels: GofLevels
+    moved: AttributeActivity | None = None
 
 
 def code_inter_attribute(
@@ -217,7 +218,7 @@ def code_inter(
     """All streams of a P-frame; `history` is what the previous frame carried; returns the symbols."""
     blocks = num_blocks(shape.num_gaussians, shape.block_log2)
     coded: dict[Attribute, AttributeActivity] = {}
-    beside = AttributeActivity.none(shape.num_gaussians, 1, blocks)
+    beside = shape.moved or AttributeActivity.none(shape.num_gaussians, 1, blocks)
     for attribute in shape.attributes:
         columns = num_inter_columns(attribute)
         before = history.activity.get(attribute)

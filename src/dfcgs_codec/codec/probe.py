@@ -106,7 +106,7 @@ def _inter(
     reader: ByteReader, head: ChunkHead, info: SequenceInfo, number: int
 ) -> tuple[FrameInfo, list[Attribute]]:
     header = InterHeader.read(reader, info.header)
-    kind = "P" if header.steps else "skip"
+    kind = "P" if header.steps or header.tools else "skip"
     count = info.frames[-1].num_gaussians if info.frames else 0
     return FrameInfo(head.frame_index, number, kind, count, head.end - head.offset), sorted(header.steps)
 
@@ -127,9 +127,12 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
         elif kind == ChunkType.INTER_FRAME:
             frame, attributes = _inter(reader, head, info, number)
             info.frames.append(frame)
+        elif kind == ChunkType.MOTION and info.frames:
+            info.frames[-1].num_bytes += size
+            info.frames[-1].attribute_bytes[kind.name] = size
         elif kind == ChunkType.RESIDUAL and info.frames:
             info.frames[-1].num_bytes += size
-            info.frames[-1].attribute_bytes = {a.name: reader.uvarint() for a in attributes}
+            info.frames[-1].attribute_bytes |= {a.name: reader.uvarint() for a in attributes}
 
 
 def probe(path: Path | str) -> SequenceInfo:

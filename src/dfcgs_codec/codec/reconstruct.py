@@ -18,7 +18,7 @@ from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, no
 Int64 = npt.NDArray[np.int64]
 
 
-def _scaled(symbols: Int64, step: int) -> Int64:
+def scaled(symbols: Int64, step: int) -> Int64:
     """Symbols times step; refused before they could leave 64 bits."""
     limit = 2 * STATE_LIMIT // step
     if len(symbols) and (symbols.min() < -limit or symbols.max() > limit):
@@ -34,7 +34,7 @@ def _in_range(values: Int64) -> Plane:
 
 def _intra_rotation(symbols: Int64, step: int) -> Int64:
     """Quaternions of axis flips and stereographic vectors (N, 4); w of the unflipped one is >= 0."""
-    quaternions = from_stereo(_scaled(symbols[:, 1:], step))
+    quaternions = from_stereo(scaled(symbols[:, 1:], step))
     flipped = np.flatnonzero(symbols[:, 0])
     flips = CELLS[symbols[flipped, 0]] * ONE
     quaternions[flipped] = multiply(quaternions[flipped], flips)
@@ -48,7 +48,7 @@ def reconstruct_intra(symbols: IntraSymbols, steps: dict[Attribute, int]) -> Fra
         if attribute == Attribute.ROTATION:
             planes[attribute] = Plane(_intra_rotation(values, steps[attribute]))
         else:
-            planes[attribute] = _in_range(_scaled(values, steps[attribute]))
+            planes[attribute] = _in_range(scaled(values, steps[attribute]))
     order = None if symbols.permutation is None else Plane(symbols.permutation[:, None])
     return FrameState(planes, order)
 
@@ -63,7 +63,7 @@ def _turn(reference: Plane, symbols: Int64, step: int) -> Plane:
     """Rotate about each Gaussian's own axes; rows without symbols keep their bits."""
     rows = np.flatnonzero(nonzero_rows(symbols))
     quaternions = reference.wide()
-    turned = multiply(quaternions[rows], from_stereo(_scaled(symbols[rows], step)))
+    turned = multiply(quaternions[rows], from_stereo(scaled(symbols[rows], step)))
     quaternions[rows] = normalise(turned)
     return Plane(quaternions)
 
@@ -80,5 +80,5 @@ def reconstruct_inter(
         if attribute == Attribute.ROTATION:
             planes[attribute] = _turn(plane, activity.symbols, step)
         else:
-            planes[attribute] = _in_range(plane.wide() + _scaled(activity.symbols, step))
+            planes[attribute] = _in_range(plane.wide() + scaled(activity.symbols, step))
     return replace(reference, planes=planes, verbatim=None)

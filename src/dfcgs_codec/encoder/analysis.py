@@ -17,6 +17,7 @@ from dfcgs_codec.transform.morton import canonical_order, morton_keys
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, multiply, round_divide, to_stereo
 
 Int64 = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
 Planes = dict[Attribute, Int64]
 
 
@@ -91,7 +92,7 @@ def intra_symbols(target: Planes, steps: dict[Attribute, int], permutation: Int6
     return IntraSymbols(planes, permutation)
 
 
-def _relative_rotation(target: Int64, reference: Int64, step: int) -> npt.NDArray[np.float64]:
+def relative_rotation(target: Int64, reference: Int64, step: int) -> npt.NDArray[np.float64]:
     """Stereographic vectors, in steps, of the turns about the Gaussians' own axes."""
     conjugate = reference * np.array([1, -1, -1, -1])
     turn = multiply(conjugate, target)
@@ -105,30 +106,43 @@ def _attribute_symbols(
     columns = 3 if attribute == Attribute.ROTATION else target.shape[1]
     symbols = np.zeros((len(target), columns), np.int64)
     if attribute == Attribute.ROTATION:
-        turn = _relative_rotation(target[rows], reference[rows], step)
+        turn = relative_rotation(target[rows], reference[rows], step)
         symbols[rows] = zero_bin.quantise_real(turn)
     else:
         symbols[rows] = zero_bin.quantise(target[rows] - reference[rows], step)
     return symbols
 
 
+def moved_rows(attribute: Attribute, reference: FrameState, predicted: FrameState) -> Bool | None:
+    """Whether each Gaussian of `predicted` differs from `reference`; None where none does."""
+    old, new = reference.planes[attribute], predicted.planes[attribute]
+    return None if old is new else nonzero_rows(new.values - old.values)
+
+
 def inter_symbols(
-    target: Planes, before: Planes, reference: FrameState, coding: tuple[Quantisation, ZeroBin, int]
+    target: Planes,
+    before: Planes,
+    states: tuple[FrameState, FrameState],
+    coding: tuple[Quantisation, ZeroBin, int],
 ) -> InterSymbols:
     """Symbols of a P-frame; attributes without any are left out.
 
-    `before` are the target planes of the previous frame: what has not changed since then gets no
-    symbols, whatever the distance to the reference. `coding` is (quantisation, zero bin, block_log2).
+    `before` are the target planes of the previous frame, `states` the reference and what motion makes of it:
+    what has neither changed nor moved gets no symbols, whatever the distance to the reference. `coding` is
+    (quantisation, zero bin, block_log2).
     """
     quantisation, zero_bin, block_log2 = coding
+    reference, predicted = states
     activity = {}
     for attribute, values in target.items():
-        changed = np.flatnonzero(nonzero_rows(values - before[attribute]))
+        differs = nonzero_rows(values - before[attribute])
+        moved = moved_rows(attribute, reference, predicted)
+        changed = np.flatnonzero(differs if moved is None else differs | moved)
         if not len(changed):
             continue
         bounded = attribute in quantisation.bounded
         how = (quantisation.steps[attribute], ZeroBin(0.5) if bounded else zero_bin)
-        symbols = _attribute_symbols(attribute, changed, values, reference.planes[attribute].wide(), how)
+        symbols = _attribute_symbols(attribute, changed, values, predicted.planes[attribute].wide(), how)
         if symbols.any():
             activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols, block_log2))
     return InterSymbols(activity)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
 
@@ -11,7 +12,7 @@ import numpy as np
 from dfcgs_codec.bitstream.constants import LEVELS, ChunkType, Profile
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
-from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, EncoderOptions
 from dfcgs_codec.encoder.parallel import code_in_parallel
 from dfcgs_codec.encoder.rate_control import plan_quantisation
 from dfcgs_codec.encoder.report import EncodeReport
@@ -67,6 +68,11 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
 def _segments(plan: SequencePlan) -> list[tuple[int, int]]:
     """First frame and end of each run that begins with an I-frame."""
     count, size = plan.header.num_frames, plan.options.gof_size
+    if size is None:
+        # of about the same length, so that no I-frame serves a few frames only
+        number = -(-count // AUTO_GOF_SIZE)
+        bounds = [count * index // number for index in range(number + 1)]
+        return list(pairwise(bounds))
     return [(start, min(start + size, count)) for start in range(0, count, size)]
 
 

@@ -4,15 +4,31 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import Enum
 from fractions import Fraction
 
 from dfcgs_codec._version import __version__
-from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
+from dfcgs_codec.bitstream.constants import ControlRule, IntraKind, OutputOrder
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, QUALITIES, Bound
 from dfcgs_codec.errors import InputError
 
 MAX_GOF_SIZE = 1 << 16
+#: frames at most from one I-frame to the next where the encoder chooses
+AUTO_GOF_SIZE = 60
 _MAX_RATE_TERM = 1 << 32
+
+
+class MotionMode(Enum):
+    """What P-frames are made of."""
+
+    #: motion and residual, each where it pays
+    AUTO = "auto"
+    #: residual alone
+    OFF = "off"
+    #: motion in every frame that changes, whether it pays or not, and residual
+    ON = "on"
+    #: motion alone, no residual: drifts away from the input
+    ONLY = "only"
 
 
 @dataclass(frozen=True)
@@ -20,30 +36,36 @@ class EncoderOptions:
     """Settings of one encode; InputError for values out of range.
 
     `qp` 0 (finest) to 51, the step doubles every 6; `bounds` replace the steps of their attributes and
-    guarantee a maximum error; `gof_size` frames at most from one I-frame to the next; `keep_axes` leaves
-    the order and signs of each Gaussian's axes as they were; `jobs` processes.
+    guarantee a maximum error; `gof_size` frames at most from one I-frame to the next, None: the encoder
+    chooses, 60 at most; `keep_axes` leaves
+    the order and signs of each Gaussian's axes as they were; one control point for `control_spacing`
+    Gaussians (M of the paper); `jobs` processes.
     """
 
     qp: float = QUALITIES["medium"]
     bounds: tuple[Bound, ...] = ()
-    gof_size: int = 10
+    gof_size: int | None = None
     intra: IntraKind = IntraKind.CODED
     order: OutputOrder = OutputOrder.SEQUENCE
     frame_rate: Fraction = Fraction(30)
     zero_bin: float = 0.6
     keep_axes: bool = False
+    motion: MotionMode = MotionMode.AUTO
+    control_rule: ControlRule = ControlRule.FARTHEST
+    control_spacing: int = 70
     jobs: int = 1
 
     def __post_init__(self) -> None:
         checks = {
             f"--qp {self.qp}: {MIN_QP} to {MAX_QP} was expected": MIN_QP <= self.qp <= MAX_QP,
-            f"--gof-size {self.gof_size}: 1 to {MAX_GOF_SIZE} was expected": 1
-            <= self.gof_size
-            <= MAX_GOF_SIZE,
+            f"--gof-size {self.gof_size}: auto, or 1 to {MAX_GOF_SIZE} was expected": (
+                self.gof_size is None or 1 <= self.gof_size <= MAX_GOF_SIZE
+            ),
             f"--fps {self.frame_rate}: above 0, with terms below 2**32, was expected": (
                 0 < self.frame_rate.numerator < _MAX_RATE_TERM
                 and self.frame_rate.denominator < _MAX_RATE_TERM
             ),
+            f"--control-spacing {self.control_spacing}: 1 or more was expected": self.control_spacing >= 1,
             f"--jobs {self.jobs}: 1 or more was expected": self.jobs >= 1,
             f"zero_bin {self.zero_bin}: 0.5 to 1 was expected": 0.5 <= self.zero_bin <= 1.0,
         }
@@ -55,6 +77,7 @@ class EncoderOptions:
         """The settings in one line, for the file's encoder information."""
         bounds = "".join(f" bound {bound.attribute}={bound.value:g}" for bound in self.bounds)
         return (
-            f"dfcgs-codec {__version__} qp={self.qp:g} gof_size={self.gof_size}"
+            f"dfcgs-codec {__version__} qp={self.qp:g} gof_size={self.gof_size or 'auto'}"
+            f" motion={self.motion.value} control={self.control_rule.name.lower()}/{self.control_spacing}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
         )

@@ -11,8 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder
+from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.dpb import output
+from dfcgs_codec.codec.inter import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import (
     Planes,
@@ -29,7 +31,8 @@ from dfcgs_codec.encoder.frame_coding import (
     code_intra_frame,
     code_verbatim_frame,
 )
-from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.motion_choice import MotionTask, MotionTrial, choose_motion
+from dfcgs_codec.encoder.options import EncoderOptions, MotionMode
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.report import EncodeReport, FrameRecord
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
@@ -44,6 +47,8 @@ Int64 = npt.NDArray[np.int64]
 BLOCK_LOG2 = 6
 #: a P-frame that costs more than this share of the last I-frame has an I-frame tried beside it
 _TRY_INTRA_SHARE = 0.7
+#: motion that seems to save less than this share of the bits is compared with none for real
+_SURE_SHARE = 0.15
 
 
 @dataclass(frozen=True)
@@ -142,12 +147,37 @@ class SegmentEncoder:
 
     def _inter(self, index: int, frame: tuple[GaussianCloud, Planes], before: _Loop) -> _Loop:
         cloud, planes = frame
-        quantisation = self._plan.quantisation
         target = self._target(planes, before.gof)
-        coding = (quantisation, ZeroBin(self._plan.options.zero_bin), BLOCK_LOG2)
-        symbols = inter_symbols(target, before.target, before.coded.state, coding)
-        coded = code_inter_frame(index, symbols, before.coded, (quantisation.steps, BLOCK_LOG2))
+        trial = self._motion(target, before)
+        coded = self._code_inter(index, target, before, trial)
+        if trial is not None and trial.saved < _SURE_SHARE and self._plan.options.motion == MotionMode.AUTO:
+            rest = self._code_inter(index, target, before, None)
+            coded = min(coded, rest, key=lambda found: len(found.data))
         return _Loop(coded, before.gof, target, cloud, before.intra_bytes)
+
+    def _code_inter(self, index: int, target: Planes, before: _Loop, trial: MotionTrial | None) -> CodedFrame:
+        quantisation, options = self._plan.quantisation, self._plan.options
+        reference = before.coded.state
+        coding = (quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2)
+        states = (reference, reference if trial is None else trial.carried.state)
+        symbols = InterSymbols()
+        if options.motion != MotionMode.ONLY:
+            symbols = inter_symbols(target, before.target, states, coding)
+        return code_inter_frame(index, symbols, before.coded, (quantisation.steps, BLOCK_LOG2), trial)
+
+    def _motion(self, target: Planes, before: _Loop) -> MotionTrial | None:
+        mode = self._plan.options.motion
+        if mode == MotionMode.OFF:
+            return None
+        moving = (Attribute.POSITION, Attribute.ROTATION)
+        changed = np.logical_or(*(nonzero_rows(target[a] - before.target[a]) for a in moving))
+        if not changed.any():
+            return None
+        steps, forced = self._plan.quantisation.steps, mode in (MotionMode.ON, MotionMode.ONLY)
+        coded = before.coded
+        return choose_motion(
+            MotionTask(coded.motion(), coded.state, target, changed, steps, BLOCK_LOG2, forced)
+        )
 
     def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> _Loop:
         options, steps = self._plan.options, self._plan.quantisation.steps
@@ -159,15 +189,21 @@ class SegmentEncoder:
         permutation = self._permutation(order, anchor if tracked else None)
         if options.intra == IntraKind.PLY:
             state = state_of(cloud.take(order), self._plan.header.unit_exponents)
-            coded = code_verbatim_frame(index, state, permutation)
+            coded = code_verbatim_frame(index, state, permutation, self._control())
             return _Loop(coded, _Gof(order, None), wide_planes(state), cloud, len(coded.data))
         names = None
         if not options.keep_axes:
             names = anchor.names if tracked else choose_axis_names(planes)
         gof = _Gof(order, names)
         target = self._target(planes, gof)
-        coded = code_intra_frame(index, intra_symbols(target, steps, permutation), grid, steps)
+        coded = code_intra_frame(
+            index, intra_symbols(target, steps, permutation), grid, steps, self._control()
+        )
         return _Loop(coded, gof, target, cloud, len(coded.data))
+
+    def _control(self) -> ControlHeader:
+        options, step = self._plan.options, self._plan.quantisation.steps[Attribute.POSITION]
+        return ControlHeader(options.control_rule, options.control_spacing, step.bit_length() - 1)
 
     def _permutation(self, order: Int64, anchor: _Anchor | None) -> Int64 | None:
         """Place in the output of each Gaussian in GoF order; None where that is the GoF order."""

@@ -15,18 +15,30 @@ from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     LEVELS,
     MAX_BLOCK_LOG2,
+    MAX_CONTROL_SHIFT,
     MAX_OPACITY_EXPONENT,
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
+    MAX_TEMPORAL_WEIGHT,
     MIN_BLOCK_LOG2,
     STATE_LIMIT,
+    STEREO_FRACTION_BITS,
+    ControlRule,
     IntraKind,
     OutputOrder,
     Profile,
+    Tool,
 )
-from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, SortGrid, coded_attributes
+from dfcgs_codec.bitstream.frame_headers import (
+    ControlHeader,
+    InterHeader,
+    IntraHeader,
+    SortGrid,
+    coded_attributes,
+)
 from dfcgs_codec.bitstream.index import End, Index, IndexEntry
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
+from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.errors import BitstreamError, CorruptBitstream, LimitExceeded, UnsupportedBitstream
 
@@ -91,6 +103,21 @@ SORT_GRIDS = st.builds(
 )
 
 
+CONTROLS = st.builds(
+    ControlHeader,
+    st.sampled_from(ControlRule),
+    st.integers(1, STATE_LIMIT),
+    st.integers(0, MAX_CONTROL_SHIFT),
+)
+MOTION_HEADERS = st.builds(
+    MotionHeader,
+    st.integers(0, 50),
+    st.integers(0, MAX_TEMPORAL_WEIGHT),
+    st.integers(1, STATE_LIMIT),
+    st.integers(0, 1 << STEREO_FRACTION_BITS),
+)
+
+
 @st.composite
 def intra_headers(draw: st.DrawFn) -> IntraHeader:
     attributes = coded_attributes(SMALL.sh_degree)
@@ -103,6 +130,7 @@ def intra_headers(draw: st.DrawFn) -> IntraHeader:
         kind,
         draw(st.integers(1, SMALL.limits.max_gaussians)),
         permuted,
+        draw(CONTROLS),
         draw(SORT_GRIDS) if coded else None,
         {a: draw(STEPS) for a in attributes} if coded else {},
         tuple(draw(st.lists(LENGTHS, min_size=count, max_size=count))),
@@ -112,8 +140,9 @@ def intra_headers(draw: st.DrawFn) -> IntraHeader:
 @st.composite
 def inter_headers(draw: st.DrawFn) -> InterHeader:
     present = draw(st.sets(st.sampled_from(coded_attributes(SMALL.sh_degree))))
-    block_log2 = draw(st.integers(MIN_BLOCK_LOG2, MAX_BLOCK_LOG2)) if present else 0
-    return InterHeader(draw(HASHES), block_log2, {a: draw(STEPS) for a in sorted(present)})
+    tools = frozenset(draw(st.sets(st.sampled_from(Tool))))
+    block_log2 = draw(st.integers(MIN_BLOCK_LOG2, MAX_BLOCK_LOG2)) if present or tools else 0
+    return InterHeader(draw(HASHES), tools, block_log2, {a: draw(STEPS) for a in sorted(present)})
 
 
 @st.composite
@@ -134,6 +163,7 @@ STRUCTURES: dict[str, tuple[st.SearchStrategy[Any], Callable[[ByteReader, Any], 
     "SortGrid": (SORT_GRIDS, lambda r, _: SortGrid.read(r)),
     "IntraHeader": (intra_headers(), lambda r, _: IntraHeader.read(r, SMALL)),
     "InterHeader": (inter_headers(), lambda r, _: InterHeader.read(r, SMALL)),
+    "MotionHeader": (MOTION_HEADERS, lambda r, _: MotionHeader.read(r, 50)),
     "Index": (indices(), lambda r, _: Index.read(r, SMALL)),
     "End": (st.builds(End, LENGTHS), lambda r, _: End.read(r)),
 }
@@ -281,6 +311,7 @@ def intra_header(**changes: Any) -> IntraHeader:
         "kind": IntraKind.CODED,
         "num_gaussians": 10,
         "has_permutation": False,
+        "control": ControlHeader(ControlRule.FARTHEST, 70, 6),
         "sort_grid": SortGrid(0, 3, (0, 0, 0), False),
         "steps": dict.fromkeys(coded_attributes(2), 5),
         "lengths": (0,) * 7,
@@ -297,6 +328,9 @@ def intra_header(**changes: Any) -> IntraHeader:
         ({"steps": dict.fromkeys(coded_attributes(2), STATE_LIMIT + 1)}, LimitExceeded, "step"),
         ({"kind": 7}, UnsupportedBitstream, "intra_kind"),
         ({"has_permutation": 2}, LimitExceeded, "has_permutation"),
+        ({"control": ControlHeader(ControlRule.STRIDE, 0, 6)}, CorruptBitstream, "control_spacing is 0"),
+        ({"control": ControlHeader(ControlRule.STRIDE, 9, 32)}, LimitExceeded, "control_shift"),
+        ({"control": ControlHeader(2, 9, 6)}, UnsupportedBitstream, "control_rule"),
     ],
 )
 def test_intra_header_refuses(changes: dict[str, Any], error: type[Exception], words: str) -> None:
@@ -306,17 +340,40 @@ def test_intra_header_refuses(changes: dict[str, Any], error: type[Exception], w
 
 def test_inter_header_refuses_attributes_that_the_sequence_lacks() -> None:
     with pytest.raises(CorruptBitstream, match="attribute_mask"):
-        InterHeader.read(ByteReader(bytes(16) + b"\x80\x06\x05"), SMALL)
+        InterHeader.read(ByteReader(bytes(16) + b"\x00\x80\x06\x05"), SMALL)
 
 
 @pytest.mark.parametrize("block_log2", [MIN_BLOCK_LOG2 - 1, MAX_BLOCK_LOG2 + 1])
 def test_inter_header_refuses_block_sizes(block_log2: int) -> None:
     with pytest.raises(LimitExceeded, match="block_log2"):
-        InterHeader.read(ByteReader(bytes(16) + bytes((1, block_log2, 5))), SMALL)
+        InterHeader.read(ByteReader(bytes(16) + bytes((0, 1, block_log2, 5))), SMALL)
 
 
-def test_a_frame_that_repeats_its_reference_takes_17_bytes() -> None:
-    assert len(write(InterHeader(bytes(16), 0, {}))) == 17
+def test_inter_header_refuses_unknown_tools() -> None:
+    with pytest.raises(UnsupportedBitstream, match="tools 0x80"):
+        InterHeader.read(ByteReader(bytes(16) + bytes((0x80, 0, 6))), SMALL)
+
+
+def test_a_frame_that_repeats_its_reference_takes_18_bytes() -> None:
+    assert len(write(InterHeader(bytes(16), frozenset(), 0, {}))) == 18
+
+
+# --- MotionHeader -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("header", "error", "words"),
+    [
+        (MotionHeader(11, 0, 4, 2), LimitExceeded, "num_coded"),
+        (MotionHeader(5, MAX_TEMPORAL_WEIGHT + 1, 4, 2), LimitExceeded, "temporal_weight"),
+        (MotionHeader(5, 0, 0, 2), CorruptBitstream, "translation_step is 0"),
+        (MotionHeader(5, 0, STATE_LIMIT + 1, 2), LimitExceeded, "translation_step"),
+        (MotionHeader(5, 0, 4, (1 << STEREO_FRACTION_BITS) + 1), LimitExceeded, "turn_step"),
+    ],
+)
+def test_motion_header_refuses(header: MotionHeader, error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        MotionHeader.read(ByteReader(write(header)), 10)
 
 
 # --- Index --------------------------------------------------------------------------------------------

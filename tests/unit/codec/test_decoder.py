@@ -74,8 +74,8 @@ def test_the_file_as_it_is(chunks: list[Chunk]) -> None:
     ("kept", "words"),
     [
         ((0, 1, 3, 4, 5), "P-frame without an I-frame"),
-        ((0, 1, 2, 3, 5), "residual"),
-        ((0, 1, 2, 3), "residual"),
+        ((0, 1, 2, 3, 5), "RESIDUAL"),
+        ((0, 1, 2, 3), "lacks its"),
         ((0, 1, 2, 4, 5), "stands where it may not"),
         ((0, 1, 2, 3, 4), "fewer frames"),
         ((0, 1, 2, 5), "frame 1 is missing"),
@@ -102,11 +102,11 @@ def test_encoder_information_is_not_needed(chunks: list[Chunk]) -> None:
 
 def test_a_residual_belongs_to_its_frame(chunks: list[Chunk]) -> None:
     wrong = [*chunks[:4], replace(chunks[4], frame_index=2), chunks[5]]
-    with pytest.raises(CorruptBitstream, match="residual"):
+    with pytest.raises(CorruptBitstream, match="RESIDUAL"):
         decode(wrong)
 
 
-@pytest.mark.parametrize("kind", [ChunkType.HYPERPRIOR, ChunkType.MOTION, ChunkType.TOPOLOGY])
+@pytest.mark.parametrize("kind", [ChunkType.HYPERPRIOR, ChunkType.TOPOLOGY])
 def test_reserved_chunks_need_a_newer_decoder(chunks: list[Chunk], kind: ChunkType) -> None:
     with pytest.raises(UnsupportedBitstream, match=kind.name):
         decode([*chunks[:5], Chunk(kind, 1, b"future"), chunks[5]])

@@ -110,7 +110,7 @@ def test_inter_symbols_follow_the_target() -> None:
     first, second = make_cloud(300, 1, 1), make_cloud(300, 1, 2)
     before, target = planes_of(first), planes_of(second)
     reference = FrameState({a: Plane(v) for a, v in before.items()})
-    symbols = inter_symbols(target, before, reference, (QUANTISATION, ZeroBin(0.6), 6))
+    symbols = inter_symbols(target, before, (reference, reference), (QUANTISATION, ZeroBin(0.6), 6))
     state = reconstruct_inter(symbols, STEPS, reference)
     for attribute, values in target.items():
         if attribute != Attribute.ROTATION:
@@ -124,10 +124,10 @@ def test_what_did_not_change_gets_no_symbols() -> None:
     before = planes_of(cloud)
     far_off = FrameState({a: Plane(v + 5000 * (a != Attribute.ROTATION)) for a, v in before.items()})
     coding = (QUANTISATION, ZeroBin(0.6), 6)
-    assert inter_symbols(before, before, far_off, coding).activity == {}
+    assert inter_symbols(before, before, (far_off, far_off), coding).activity == {}
     target = before | {Attribute.SCALE: before[Attribute.SCALE].copy()}
     target[Attribute.SCALE][7] += 1
-    found = inter_symbols(target, before, far_off, coding).activity
+    found = inter_symbols(target, before, (far_off, far_off), coding).activity
     assert list(found) == [Attribute.SCALE]
     assert np.flatnonzero(found[Attribute.SCALE].significant()).tolist() == [7]
 
@@ -138,5 +138,5 @@ def test_a_bounded_attribute_has_no_dead_zone(bounded: bool) -> None:
     target = before | {Attribute.POSITION: before[Attribute.POSITION] + 550}
     reference = FrameState({a: Plane(v) for a, v in before.items()})
     quantisation = Quantisation(UNITS, STEPS, frozenset({Attribute.POSITION} if bounded else ()))
-    found = inter_symbols(target, before, reference, (quantisation, ZeroBin(0.6), 6))
+    found = inter_symbols(target, before, (reference, reference), (quantisation, ZeroBin(0.6), 6))
     assert (Attribute.POSITION in found.activity) is bounded

@@ -1,0 +1,117 @@
+"""Which control point a Gaussian follows, learnt from what was decoded (spec sections 14.2, 14.6).
+
+Each Gaussian has five candidates: the blend of its four nearest control points, and each of them alone. After
+every frame both sides know which of them would have come closest, and let that one lead next time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.transform.control_points import GATHER_WEIGHT_BITS, NUM_GATHERED, Gathering
+from dfcgs_codec.transform.lod import ladder
+from dfcgs_codec.transform.rigid import RigidMotion, displacements
+
+Int64 = npt.NDArray[np.int64]
+Int32 = npt.NDArray[np.int32]
+Float64 = npt.NDArray[np.float64]
+
+#: candidates: the blend, then the four control points
+NUM_CANDIDATES = 1 + NUM_GATHERED
+BLEND = 0
+#: a frame's effort is counted in 1/16 of a half octave; an older one fades by a quarter with each frame
+EFFORT_FRACTION_BITS = 4
+EFFORT_DECAY_LOG2 = 2
+#: effort that the blend is forgiven
+BLEND_ADVANTAGE = 16
+_MAX_EFFORT_CLASS = 64
+#: errors are counted in this many translation steps, so that those below do not matter
+EFFORT_STEPS = 4
+
+
+def efforts_of(errors: Float64, step: int) -> Int32:
+    """Half octaves of `errors` (integers >= 0) in multiples of `step`: about what their residual costs."""
+    # exact: both are integers, and the quotient of those below 2**53 never rounds up to an integer
+    classes = ladder(np.floor(errors / (EFFORT_STEPS * step)), _MAX_EFFORT_CLASS)
+    return (classes << EFFORT_FRACTION_BITS).astype(np.int32)
+
+
+def blend(values: list[Float64], weights: Int64) -> Float64:
+    """Mean of four control points' integers (..., N), rounded to nearest; `weights` (4, N) sum to 2**12."""
+    total: Float64 = values[0] * weights[0]
+    for value, weight in zip(values[1:], weights[1:], strict=True):
+        total += value * weight
+    total += float(1 << (GATHER_WEIGHT_BITS - 1))
+    total *= 2.0**-GATHER_WEIGHT_BITS
+    np.floor(total, out=total)
+    return total
+
+
+@dataclass(frozen=True)
+class Binding:
+    """Control points of N points: `gathering`, the candidates' `efforts` (5, N) so far, the `choice` (N,)."""
+
+    gathering: Gathering
+    efforts: Int32
+    choice: Int64
+
+    @staticmethod
+    def of(gathering: Gathering) -> Binding:
+        """Before anything is known, all follow the blend."""
+        count = gathering.ranks.shape[1]
+        return Binding(gathering, np.zeros((NUM_CANDIDATES, count), np.int32), np.zeros(count, np.int64))
+
+    def of_rows(self, rows: Int64) -> Binding:
+        """The same of some points."""
+        if len(rows) == len(self.choice):
+            return self
+        return Binding(self.gathering.of(rows), self.efforts[:, rows], self.choice[rows])
+
+    def with_rows(self, rows: Int64, learnt: Binding) -> Binding:
+        """With what was `learnt` of some points."""
+        if len(rows) == len(self.choice):
+            return learnt
+        efforts, choice = self.efforts.copy(), self.choice.copy()
+        efforts[:, rows], choice[rows] = learnt.efforts, learnt.choice
+        return replace(self, efforts=efforts, choice=choice)
+
+    def moves(self, motion: RigidMotion, positions: Float64) -> Float64:
+        """Displacements (5, 3, N), integers, of `positions` (3, N) by each candidate."""
+        table = motion.table()
+        alone = [displacements(table, ranks, positions) for ranks in self.gathering.ranks]
+        return np.stack([blend(alone, self.gathering.weights), *alone])
+
+    def chosen(self, moves: Float64) -> Float64:
+        """Of `moves` (5, 3, N) those of each point's choice, (3, N)."""
+        result: Float64 = moves[BLEND].copy()
+        for candidate in range(1, NUM_CANDIDATES):
+            np.copyto(result, moves[candidate], where=self.choice == candidate)
+        return result
+
+    def turns(self, motion: RigidMotion) -> Int64:
+        """Turn vectors (N, 3), Q0.18, of each point's choice."""
+        leader = np.maximum(self.choice - 1, 0)
+        vectors: Int64 = motion.vectors[self.gathering.ranks[leader, np.arange(len(leader))]]
+        rows = np.flatnonzero(self.choice == BLEND)
+        alone = [motion.vectors[ranks[rows]].T.astype(np.float64) for ranks in self.gathering.ranks]
+        vectors[rows] = blend(alone, self.gathering.weights[:, rows]).T.astype(np.int64)
+        return vectors
+
+    def learn(self, moves: Float64, actual: Float64, step: int) -> Binding:
+        """After a frame: `moves` (5, 3, N) of the candidates, what happened (3, N), translation step."""
+        errors = np.abs(moves[:, 0] - actual[0])
+        errors += np.abs(moves[:, 1] - actual[1])
+        errors += np.abs(moves[:, 2] - actual[2])
+        efforts = self.efforts - (self.efforts >> EFFORT_DECAY_LOG2) + efforts_of(errors, step)
+        return replace(self, efforts=efforts, choice=choose(efforts))
+
+
+def choose(efforts: Int32) -> Int64:
+    """The candidate of least effort, the first of equals; the blend has an advantage."""
+    judged = efforts.copy()
+    judged[BLEND] -= BLEND_ADVANTAGE
+    best: Int64 = judged.argmin(axis=0)
+    return best

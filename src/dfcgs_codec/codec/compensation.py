@@ -1,0 +1,120 @@
+"""Carrying the Gaussians of a GoF along with its control points (spec section 14.5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
+from dfcgs_codec.bitstream.frame_headers import ControlHeader
+from dfcgs_codec.bitstream.motion_header import MotionHeader
+from dfcgs_codec.codec.binding import Binding
+from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.codec.inter import nonzero_rows
+from dfcgs_codec.codec.motion import MotionShape, MotionSymbols
+from dfcgs_codec.codec.motion_field import FieldMotion, MotionField
+from dfcgs_codec.transform.rotation import from_stereo, multiply, normalise
+
+Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A frame's motion applied: `state` predicted, `rows` (F,) that followed, candidates `moves` (5, 3, F).
+
+    `step`: that of translations.
+    """
+
+    state: FrameState
+    rows: Int64
+    moves: Float64
+    field_motion: FieldMotion
+    binding: Binding
+    step: int
+
+
+@dataclass(frozen=True)
+class GofMotion:
+    """Control points and followers of a GoF before a frame, and the last motion symbols."""
+
+    field: MotionField
+    binding: Binding
+    symbols: MotionSymbols
+
+    @staticmethod
+    def of(positions: Int64, control: ControlHeader) -> GofMotion:
+        """At the I-frame, from its decoded positions (N, 3)."""
+        field = MotionField.of(positions, control)
+        binding = Binding.of(field.gather(positions, control.shift))
+        return GofMotion(field, binding, MotionSymbols.none(field.num_points, len(positions), 0))
+
+    def shape(self, header: MotionHeader, block_log2: int) -> MotionShape:
+        """What the symbol walk needs."""
+        coded = np.argsort(self.field.gaussians[: header.num_coded], kind="stable")
+        return MotionShape(coded, 6 if header.is_rigid else 3, block_log2)
+
+    def history(self, block_log2: int) -> MotionSymbols:
+        """The last motion symbols, modes zero where blocks were others."""
+        blocks = -(-len(self.symbols.follows) >> block_log2)
+        if len(self.symbols.modes) == blocks:
+            return self.symbols
+        return replace(self.symbols, modes=np.zeros(blocks, np.int64))
+
+    def carry(self, header: MotionHeader, symbols: MotionSymbols, reference: FrameState) -> Carried:
+        """Prediction of a frame from the decoded `reference` and its motion."""
+        moved = self.field.move(header, lambda rows, *_: symbols.control[rows])
+        rows = np.flatnonzero(symbols.follows)
+        binding = self.binding.of_rows(rows)
+        planes = dict(reference.planes)
+        positions = reference.planes[Attribute.POSITION].wide()
+        moves = binding.moves(moved.motion, positions[rows].T.astype(np.float64))
+        carried = positions[rows] + binding.chosen(moves).T.astype(np.int64)
+        positions[rows] = np.clip(carried, -STATE_LIMIT, STATE_LIMIT)
+        planes[Attribute.POSITION] = Plane(positions)
+        if header.is_rigid:
+            rotations = reference.planes[Attribute.ROTATION].wide()
+            rotations[rows] = turned(rotations[rows], binding.turns(moved.motion))
+            planes[Attribute.ROTATION] = Plane(rotations)
+        return Carried(
+            replace(reference, planes=planes, verbatim=None),
+            rows,
+            moves,
+            moved,
+            binding,
+            header.translation_step,
+        )
+
+    def after(
+        self, carried: Carried, symbols: MotionSymbols, states: tuple[FrameState, FrameState]
+    ) -> GofMotion:
+        """Before the next frame; `states`: the reference and what was decoded."""
+        old, new = (state.planes[Attribute.POSITION].values[carried.rows] for state in states)
+        actual = new.T.astype(np.float64) - old.T
+        learnt = carried.binding.learn(carried.moves, actual, carried.step)
+        field = self.field.after(carried.field_motion, symbols.control, carried.step)
+        return GofMotion(field, self.binding.with_rows(carried.rows, learnt), symbols)
+
+
+class ControlSource:
+    """The control points of a GoF, chosen when first asked for: what never moves never needs them."""
+
+    def __init__(self, positions: Plane, control: ControlHeader) -> None:
+        self._positions, self._control = positions, control
+        self._motion: GofMotion | None = None
+
+    def motion(self) -> GofMotion:
+        """The motion of the GoF before its first frame that moves; `positions` are those of its I-frame."""
+        if self._motion is None:
+            self._motion = GofMotion.of(self._positions.wide(), self._control)
+        return self._motion
+
+
+def turned(quaternions: Int64, vectors: Int64) -> Int64:
+    """Quaternions (N, 4) turned from the left by `vectors` (N, 3); those of zero vectors keep their bits."""
+    result = quaternions.copy()
+    rows = np.flatnonzero(nonzero_rows(vectors))
+    result[rows] = normalise(multiply(from_stereo(vectors[rows]), quaternions[rows]))
+    return result

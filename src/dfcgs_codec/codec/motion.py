@@ -1,0 +1,123 @@
+"""The symbol walk of a frame's motion: who follows, and how the control points move (spec section 14.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.codec.component import EarlierPasses, code_component
+from dfcgs_codec.codec.inter import AttributeActivity
+from dfcgs_codec.codec.symbols import Int64, SymbolCoder
+from dfcgs_codec.entropy.symbols import Groups, code_with_models
+from dfcgs_codec.transform.lod import order_levels
+
+Bool = npt.NDArray[np.bool_]
+
+#: classes of blocks: all Gaussians stand still, all follow, each has a flag
+STILL, FOLLOW, MIXED = range(3)
+NUM_MODES = 3
+#: modes and follow flags; control points
+NUM_MOTION_STREAMS = 2
+
+
+@dataclass(frozen=True)
+class MotionSymbols:
+    """What a MOTION chunk carries.
+
+    `control` int64 (n, 6): symbols of translation and turn, zero for control points without any; `modes`
+    int64 (blocks,): STILL, FOLLOW or MIXED; `follows` bool (N,).
+    """
+
+    control: Int64
+    modes: Int64
+    follows: Bool
+
+    def activity(self) -> AttributeActivity:
+        """Who moved, as context of the first residual stream."""
+        follows = self.follows.astype(np.int64)[:, None]
+        return AttributeActivity(follows, self.modes, np.zeros(len(self.modes), np.int64))
+
+    @staticmethod
+    def none(num_points: int, num_gaussians: int, num_blocks: int) -> MotionSymbols:
+        """All stand still."""
+        control = np.zeros((num_points, 6), np.int64)
+        return MotionSymbols(control, np.zeros(num_blocks, np.int64), np.zeros(num_gaussians, np.bool_))
+
+
+@dataclass(frozen=True)
+class MotionShape:
+    """What headers and control points say that the walk needs.
+
+    `coded` (k,): ranks of the control points with symbols, in GoF order; `num_columns` 3 or 6.
+    """
+
+    coded: Int64
+    num_columns: int
+    block_log2: int
+
+
+def classify_modes(follows: Bool, block_log2: int) -> Int64:
+    """Mode (blocks,) of each block."""
+    starts = np.arange(0, len(follows), 1 << block_log2)
+    count = np.add.reduceat(follows.astype(np.int64), starts)
+    size = np.diff(np.append(starts, len(follows)))
+    return np.where(count == 0, STILL, np.where(count == size, FOLLOW, MIXED))
+
+
+def _code_modes(coder: SymbolCoder, modes: Int64 | None, before: Int64) -> Int64:
+    """Modes of blocks; context: the mode before."""
+    known = np.zeros(0, np.int64) if modes is None else modes
+    contexts = before.astype(np.uint8)
+    groups = Groups(contexts, NUM_MODES)
+    models = coder.histograms(groups.used, NUM_MODES, NUM_MODES, lambda: (known, contexts))
+    return code_with_models(coder, modes, groups, models)
+
+
+def _code_follows(coder: SymbolCoder, follows: Bool | None, mode: Int64, before: Bool) -> Bool:
+    """Who follows; `mode` (N,) of each Gaussian's block; context: whether it followed before."""
+    result: Bool = mode == FOLLOW
+    rows = np.flatnonzero(mode == MIXED)
+    if len(rows):
+        given = None if follows is None else follows[rows].astype(np.int64)
+        known = np.zeros(0, np.int64) if given is None else given
+        contexts = before[rows].astype(np.uint8)
+        groups = Groups(contexts, 2)
+        models = coder.histograms(groups.used, 2, 2, lambda: (known, contexts))
+        result[rows] = code_with_models(coder, given, groups, models) > 0
+    return result
+
+
+def _code_control(coder: SymbolCoder, target: Int64 | None, before: Int64, num_columns: int) -> Int64:
+    """Symbols (k, C) of control points in GoF order; `before` (k, 6): their last symbols."""
+    count = len(before)
+    if not count:
+        return np.zeros((0, 6), np.int64)
+    lod = order_levels(count)
+    earlier = EarlierPasses(count, hints=[np.abs(before).sum(axis=1)])
+    result = np.zeros((count, 6), np.int64)
+    for column in range(num_columns):
+        given = None if target is None else target[:, column]
+        result[:, column] = code_component(coder, given, lod, earlier)
+    return result
+
+
+def code_motion(
+    next_coder: Callable[[], SymbolCoder],
+    symbols: MotionSymbols | None,
+    history: MotionSymbols,
+    shape: MotionShape,
+) -> MotionSymbols:
+    """Both streams of a MOTION chunk; `history`: what the GoF's last one carried; returns the symbols."""
+    coder = next_coder()
+    modes = _code_modes(coder, None if symbols is None else symbols.modes, history.modes)
+    block = np.arange(len(history.follows)) >> shape.block_log2
+    given = None if symbols is None else symbols.follows
+    follows = _code_follows(coder, given, modes[block], history.follows)
+    control = np.zeros(history.control.shape, np.int64)
+    target = None if symbols is None else symbols.control[shape.coded]
+    before = history.control[shape.coded]
+    control[shape.coded] = _code_control(next_coder(), target, before, shape.num_columns)
+    return MotionSymbols(control, modes, follows)

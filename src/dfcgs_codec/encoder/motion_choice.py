@@ -1,0 +1,175 @@
+"""How much motion a frame is worth: control points, order and symbols chosen by the bits they save."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.motion_header import MotionHeader
+from dfcgs_codec.codec.compensation import Carried, GofMotion
+from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.codec.motion import MotionSymbols, classify_modes, code_motion
+from dfcgs_codec.codec.motion_field import level_starts
+from dfcgs_codec.encoder.analysis import Planes, moved_rows
+from dfcgs_codec.encoder.motion_estimation import Moments, MotionQuantiser, ancestors_of, measure, trusted
+from dfcgs_codec.encoder.motion_judge import MotionJudge
+from dfcgs_codec.encoder.streams import Streams
+from dfcgs_codec.transform.rotation import STEREO_ONE
+
+Int64 = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+
+#: translations are this share of the position step, so that their rounding does not show
+_TRANSLATION_SHARE = 1 / 8
+#: motion symbols of less than this many steps are zero
+_ZERO_BIN = 0.55
+#: quarters of the last habits that are tried
+_TEMPORAL_WEIGHTS = (0, 3)
+#: fewer control points are tried until they cost this much more than the best
+_GIVE_UP = 1.02
+#: bits that a Gaussian costs which stands still, but is carried along and has to be brought back
+_BRING_BACK_BITS = 8.0
+
+
+@dataclass(frozen=True)
+class MotionTask:
+    """A frame to be moved to: the GoF's motion so far, reference, target, who `changed` (N,), the steps.
+
+    `is_forced`: whether it moves, even where that does not pay.
+    """
+
+    motion: GofMotion
+    reference: FrameState
+    target: Planes
+    changed: Bool
+    steps: dict[Attribute, int]
+    block_log2: int
+    is_forced: bool = False
+
+
+@dataclass(frozen=True)
+class MotionTrial:
+    """A frame's motion as it would be coded; `saved` is the share of bits that it seems to save."""
+
+    header: MotionHeader
+    symbols: MotionSymbols
+    carried: Carried
+    saved: float
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    header: MotionHeader
+    control: Int64
+    bits: float
+
+
+def motion_steps(task: MotionTask) -> tuple[int, int]:
+    """Steps of translations, and of turn vectors that displace a Gaussian at the usual distance as much."""
+    step = max(1, int(task.steps[Attribute.POSITION] * _TRANSLATION_SHARE))
+    pivots, ranks = task.motion.field.pivots, task.motion.binding.gathering.ranks
+    apart = np.linalg.norm(pivots[ranks[0, ::16]] - pivots[ranks[3, ::16]], axis=1)
+    # a turn vector of length v turns by about 4 v
+    turn = step / (4 * (np.median(apart) + 1.0))
+    return step, max(1, int(min(turn, 1 / 16) * STEREO_ONE))
+
+
+def _control_bytes(task: MotionTask, header: MotionHeader, control: Int64) -> int:
+    """Bytes of the control points' symbols."""
+    streams, motion = Streams(), task.motion
+    symbols = replace(motion.history(task.block_log2), control=control)
+    code_motion(streams.next, symbols, motion.history(task.block_log2), motion.shape(header, task.block_log2))
+    return len(streams.finish()[1])
+
+
+class _Search:
+    """Tries motions of a frame: real bytes of the motion, estimated bits of the residual."""
+
+    def __init__(self, task: MotionTask) -> None:
+        self._task = task
+        self._judge = MotionJudge(task.motion, task.reference, task.target, task.changed, task.steps)
+        self._moments = self._measure()
+        self.rest = self._judge.bits(None, is_rigid=False)
+
+    def _measure(self) -> Moments:
+        """Where everything goes, those that do not go with the others counting less."""
+        task, field = self._task, self._task.motion.field
+        rows = np.flatnonzero(task.changed)
+        binding = task.motion.binding.of_rows(rows)
+        source = task.reference.planes[Attribute.POSITION].values[rows].astype(np.float64)
+        target = task.target[Attribute.POSITION][rows].astype(np.float64)
+        first = measure(binding, field.num_points, (source, target))
+        header = MotionHeader(field.num_points, 0, *motion_steps(task))
+        moved = field.move(header, MotionQuantiser(field, first, header, 0.0))
+        carried = binding.chosen(binding.moves(moved.motion, np.ascontiguousarray(source.T)))
+        trust = trusted(target - source - carried.T, task.steps[Attribute.POSITION])
+        return measure(binding, field.num_points, (source, target), trust)
+
+    def attempt(self, header: MotionHeader) -> _Candidate:
+        """The motion that `header` allows."""
+        field = self._task.motion.field
+        ancestors = ancestors_of(field, max(1, header.num_coded))
+        moments = self._moments.of_prefix(ancestors, max(1, header.num_coded))
+        quantiser = MotionQuantiser(field, moments, header, _ZERO_BIN)
+        moved = field.move(header, quantiser)
+        num_bytes = _control_bytes(self._task, header, quantiser.symbols)
+        bits = self._judge.bits(moved.motion, is_rigid=header.is_rigid) + 8 * num_bytes
+        return _Candidate(header, quantiser.symbols, bits)
+
+    def candidates(self) -> Iterator[_Candidate]:
+        """Ever fewer control points, as long as that promises something; then without turns."""
+        step, turn = motion_steps(self._task)
+        best: _Candidate | None = None
+        for count in reversed([0, *level_starts(self._task.motion.field.num_points)[1:]]):
+            tried = [self.attempt(MotionHeader(count, weight, step, turn)) for weight in _TEMPORAL_WEIGHTS]
+            yield from tried
+            found = min(tried, key=lambda candidate: candidate.bits)
+            if best is not None and found.bits > _GIVE_UP * best.bits:
+                break
+            best = found if best is None or found.bits < best.bits else best
+        if best is not None:
+            yield self.attempt(replace(best.header, turn_step=0))
+
+
+def choose_motion(task: MotionTask) -> MotionTrial | None:
+    """The motion that saves most bits, or None where none does."""
+    if not task.changed.any():
+        return None
+    search = _Search(task)
+    best = min(search.candidates(), key=lambda candidate: candidate.bits)
+    if best.bits >= search.rest and not task.is_forced:
+        return None
+    everyone = np.ones(len(task.changed), np.bool_)
+    carried = task.motion.carry(best.header, _symbols(task, best.control, everyone), task.reference)
+    follows = _followers(task, carried)
+    symbols = _symbols(task, best.control, follows)
+    if not follows.all():
+        carried = task.motion.carry(best.header, symbols, task.reference)
+    saved = 1 - best.bits / search.rest
+    return MotionTrial(best.header, symbols, carried, saved)
+
+
+def _symbols(task: MotionTask, control: Int64, follows: Bool) -> MotionSymbols:
+    return MotionSymbols(control, classify_modes(follows, task.block_log2), follows)
+
+
+def _followers(task: MotionTask, carried: Carried) -> Bool:
+    """Who follows: what changed, and of the rest whatever is not worth a flag."""
+    moved = np.zeros(len(task.changed), np.bool_)
+    for attribute in (Attribute.POSITION, Attribute.ROTATION):
+        rows = moved_rows(attribute, task.reference, carried.state)
+        if rows is not None:
+            moved |= rows
+    starts = np.arange(0, len(moved), 1 << task.block_log2)
+    size = np.diff(np.append(starts, len(moved)))
+    astray = np.add.reduceat((moved & ~task.changed).astype(np.int64), starts)
+    changed = np.add.reduceat(task.changed.astype(np.int64), starts)
+    share = np.clip(changed / size, 1e-3, 1 - 1e-3)
+    flags = -size * (share * np.log2(share) + (1 - share) * np.log2(1 - share))
+    is_mixed = (astray * _BRING_BACK_BITS > flags) & (changed > 0)
+    block = np.arange(len(moved)) >> task.block_log2
+    return np.where(is_mixed[block], task.changed, (changed > 0)[block])

@@ -1,0 +1,168 @@
+"""The rigid motions that carry the decoded reference nearest to a frame (weighted Procrustes)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import csr_array
+
+from dfcgs_codec.bitstream.constants import STATE_LIMIT
+from dfcgs_codec.bitstream.motion_header import MotionHeader
+from dfcgs_codec.codec.binding import BLEND, Binding
+from dfcgs_codec.codec.motion_field import MotionField, level_starts
+from dfcgs_codec.transform.control_points import GATHER_WEIGHT_BITS
+from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, from_stereo, to_stereo
+
+Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+
+#: a control point that carries less than this many Gaussians has no motion of its own
+_MIN_SUPPORT = 3.0
+#: how much a fit prefers not to turn, relative to its spread
+_STILL_SHARE = 1e-4
+#: position steps at which a Gaussian that goes elsewhere counts half
+_TRUSTED_STEPS = 2.0
+#: columns of the sums: weight, source, target, source x target
+_WEIGHT, _SOURCE, _TARGET, _CROSS = slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 16)
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Sums over the Gaussians that each control point carries; (n, 16) float64, about `center` (3,)."""
+
+    sums: Float64
+    center: Float64
+
+    def of_prefix(self, ancestors: Int64, count: int) -> Moments:
+        """Sums of the first `count` control points, each with those of all that it leads."""
+        summed = [np.bincount(ancestors, column, count) for column in self.sums.T]
+        return Moments(np.stack(summed, axis=1).astype(np.float64), self.center)
+
+
+def _carriers(binding: Binding, num_points: int) -> csr_array:
+    """How much each control point carries each of N Gaussians; (n, N) sparse."""
+    count = len(binding.choice)
+    blended = np.flatnonzero(binding.choice == BLEND)
+    single = np.flatnonzero(binding.choice != BLEND)
+    shares = (binding.gathering.weights[:, blended] / (1 << GATHER_WEIGHT_BITS)) ** 2
+    ranks = np.concatenate(
+        [
+            binding.gathering.ranks[:, blended].ravel(),
+            binding.gathering.ranks[binding.choice[single] - 1, single],
+        ]
+    )
+    columns = np.concatenate([np.tile(blended, 4), single])
+    weights = np.concatenate([shares.ravel(), np.ones(len(single))])
+    return csr_array((weights, (ranks, columns)), shape=(num_points, count))
+
+
+def measure(
+    binding: Binding, num_points: int, positions: tuple[Float64, Float64], trust: Float64 | None = None
+) -> Moments:
+    """Moments of N Gaussians' motion; `positions`: where they are and where they go, (N, 3) each.
+
+    `trust` (N,): weights of a robust fit.
+    """
+    source, target = positions
+    center = source.mean(axis=0)
+    x, y = source - center, target - center
+    cross = (x[:, :, None] * y[:, None, :]).reshape(-1, 9)
+    columns = np.concatenate([np.ones((len(x), 1)), x, y, cross], axis=1)
+    if trust is not None:
+        columns *= trust[:, None]
+    return Moments(_carriers(binding, num_points) @ columns, center)
+
+
+def trusted(errors: Float64, step: int) -> Float64:
+    """Weights (N,) of Gaussians whose motion misses by `errors` (N, 3): less for those that go elsewhere."""
+    distance = (errors * errors).sum(axis=1) / (_TRUSTED_STEPS * step) ** 2
+    weights: Float64 = 1.0 / (1.0 + distance)
+    return weights
+
+
+def ancestors_of(field: MotionField, count: int) -> Int64:
+    """For each control point the one among the first `count` that leads it in the end."""
+    leaders = np.arange(field.num_points)
+    starts = level_starts(field.num_points)
+    for start, end, binding in zip(starts[1:-1], starts[2:], field.parents, strict=True):
+        first = np.maximum(binding.choice - 1, 0)
+        leaders[start:end] = binding.gathering.ranks[first, np.arange(end - start)]
+    found = np.arange(field.num_points)
+    for start, end in pairwise(starts[1:]):
+        rows = np.arange(max(start, count), end)
+        found[rows] = found[leaders[rows]]
+    return found
+
+
+def _turns(moments: Moments) -> Float64:
+    """Turn vectors (n, 3), in units of the stereographic one, that carry sources to targets best."""
+    sums = moments.sums
+    weight = np.maximum(sums[:, _WEIGHT], 1e-9)
+    source, target = sums[:, _SOURCE] / weight, sums[:, _TARGET] / weight
+    spread = (sums[:, _CROSS] / weight).reshape(-1, 3, 3) - source[:, :, None] * target[:, None, :]
+    size = np.linalg.norm(spread, axis=(1, 2)) + 1e-9
+    spread += np.eye(3) * (_STILL_SHARE * size)[:, None, None]
+    u, _, vt = np.linalg.svd(spread)
+    sign = np.sign(np.linalg.det(u @ vt))
+    vt[:, 2] *= sign[:, None]
+    matrices = np.swapaxes(u @ vt, 1, 2)
+    return to_stereo(_quaternions(matrices))
+
+
+def _quaternions(matrices: Float64) -> Float64:
+    """Unit quaternions (n, 4) of rotation matrices (n, 3, 3) of less than half a turn."""
+    m = matrices
+    w = np.sqrt(np.maximum(1 + m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2], 1e-6)) / 2
+    x = (m[:, 2, 1] - m[:, 1, 2]) / (4 * w)
+    y = (m[:, 0, 2] - m[:, 2, 0]) / (4 * w)
+    z = (m[:, 1, 0] - m[:, 0, 1]) / (4 * w)
+    quaternions = np.stack([w, x, y, z], axis=1)
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    return quaternions
+
+
+class MotionQuantiser:
+    """Gives `MotionField.move` the symbols that come closest to the motion measured."""
+
+    def __init__(self, field: MotionField, moments: Moments, header: MotionHeader, zero_bin: float) -> None:
+        self._field, self._moments, self._header, self._zero_bin = field, moments, header, zero_bin
+        self._turns = _turns(moments) * STEREO_ONE if header.is_rigid else None
+        self.symbols = np.zeros((field.num_points, 6), np.int64)
+
+    def __call__(self, rows: slice, translations: Int64, vectors: Int64) -> Int64:
+        """Symbols of control points `rows`, whose motion is expected as given."""
+        coded = slice(rows.start, min(rows.stop, self._header.num_coded))
+        count = coded.stop - coded.start
+        if count <= 0:
+            return self.symbols[rows]
+        sums = self._moments.sums[coded]
+        held = sums[:, 0] >= _MIN_SUPPORT
+        if self._turns is not None:
+            turn = self._quantised(self._turns[coded] - vectors[:count], self._header.turn_step)
+            self.symbols[coded, 3:] = turn * held[:, None]
+            vectors = vectors[:count] + self.symbols[coded, 3:] * self._header.turn_step
+        else:
+            vectors = np.zeros((count, 3), np.int64)
+        goal = self._translations(sums, self._field.pivots[coded], vectors)
+        shift = self._quantised(goal - translations[:count], self._header.translation_step)
+        self.symbols[coded, :3] = shift * held[:, None]
+        return self.symbols[rows]
+
+    def _quantised(self, residual: Float64, step: int) -> Int64:
+        limit = 2 * STATE_LIMIT // step
+        scaled = np.clip(residual / step, -limit, limit)
+        return np.where(np.abs(scaled) < self._zero_bin, 0, np.rint(scaled)).astype(np.int64)
+
+    def _translations(self, sums: Float64, pivots: Int64, vectors: Int64) -> Float64:
+        """Where pivots must go for sources to meet targets on average, given the turns."""
+        weight = np.maximum(sums[:, _WEIGHT], 1e-9)
+        about = pivots - self._moments.center
+        source, target = sums[:, _SOURCE] / weight - about, sums[:, _TARGET] / weight - about
+        w, x, y, z = (from_stereo(vectors) / ONE).T
+        axis = np.stack([x, y, z], axis=1)
+        side = 2 * np.cross(axis, source)
+        turned = source + w[:, None] * side + np.cross(axis, side)
+        return np.asarray(target - turned, np.float64)

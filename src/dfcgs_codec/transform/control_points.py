@@ -1,0 +1,179 @@
+"""Which Gaussians of a GoF are control points, and who follows them (spec sections 14.1, 14.2).
+
+Both rules order the control points coarse to fine, so that any prefix of them is a set of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Int64 = npt.NDArray[np.int64]
+
+#: cells lie within +- this
+CELL_LIMIT = 1 << 20
+#: a GoF has at most this many control points, so that a decoder's work stays bounded
+MAX_CONTROL_POINTS = 1 << 14
+#: control points that a Gaussian gathers from
+NUM_GATHERED = 4
+GATHER_WEIGHT_BITS = 12
+#: Gaussians of a bucket of the farthest point search; in Morton order they are close together
+_BUCKET = 256
+_RADIUS_BITS = 10
+#: neighbours asked for beyond those needed, so that ties can be put in order
+_SPARE = 4
+#: distances computed at once where many neighbours tie
+_MAX_DISTANCES = 4_000_000
+
+
+def control_cells(positions: Int64, shift: int) -> Int64:
+    """Cells (N, 3) that control points are chosen on: positions about that of Gaussian N // 2, clipped."""
+    center = positions[len(positions) >> 1]
+    cells: Int64 = np.clip((positions - center) >> shift, -CELL_LIMIT, CELL_LIMIT)
+    return cells
+
+
+def stride_points(num_gaussians: int, count: int) -> Int64:
+    """`count` Gaussians at even distances along the Morton order, coarse to fine, without repetition.
+
+    Point k lies at the bit-reversed fraction of k, so that every prefix is spread over the whole order.
+    """
+    bits = (num_gaussians - 1).bit_length()
+    numbers = np.arange(1 << bits, dtype=np.int64)
+    places = np.zeros_like(numbers)
+    for bit in range(bits):
+        places |= (numbers >> bit & 1) << (bits - 1 - bit)
+    return places[places < num_gaussians][:count]
+
+
+@dataclass
+class _Buckets:
+    """Runs of Gaussians with their bounding boxes and the largest distance to a chosen point."""
+
+    low: Int64
+    high: Int64
+    farthest: Int64
+
+
+def _buckets(cells: Int64) -> _Buckets:
+    starts = np.arange(0, len(cells), _BUCKET)
+    low, high = np.minimum.reduceat(cells, starts), np.maximum.reduceat(cells, starts)
+    return _Buckets(low, high, np.full(len(starts), np.iinfo(np.int64).max))
+
+
+def farthest_points(cells: Int64, count: int) -> Int64:
+    """Exact farthest point sampling of `cells` (N, 3): at most `count` indices, coarse to fine.
+
+    Begins with Gaussian 0; each next one is the farthest from all before it, the first of equals. Ends early
+    when every Gaussian coincides with a chosen one.
+    """
+    buckets = _buckets(cells)
+    distance = np.full(len(cells), np.iinfo(np.int64).max)
+    chosen = [0]
+    while len(chosen) < count:
+        point = cells[chosen[-1]]
+        outside = np.maximum(np.maximum(buckets.low - point, point - buckets.high), 0)
+        # a bucket whose box is farther away than its farthest Gaussian is from the set cannot change
+        for b in np.flatnonzero((outside * outside).sum(axis=1) < buckets.farthest).tolist():
+            rows = slice(b * _BUCKET, (b + 1) * _BUCKET)
+            difference = cells[rows] - point
+            np.minimum(distance[rows], (difference * difference).sum(axis=1), out=distance[rows])
+            buckets.farthest[b] = distance[rows].max()
+        best = int(buckets.farthest.argmax())
+        if buckets.farthest[best] == 0:
+            break
+        chosen.append(best * _BUCKET + int(distance[best * _BUCKET : (best + 1) * _BUCKET].argmax()))
+    return np.array(chosen, np.int64)
+
+
+def distinct_points(cells: Int64, points: Int64) -> Int64:
+    """`points` without those whose cell an earlier one has."""
+    _, first = np.unique(cells[points], axis=0, return_index=True)
+    return points[np.sort(first)]
+
+
+def _squared(cells: Int64, control: Int64, ranks: Int64) -> Int64:
+    """Squared distances (rows, k) of cells (rows, 3) to the control cells of `ranks` (rows, k)."""
+    total = np.zeros(ranks.shape, np.int64)
+    for axis in range(3):
+        difference = control[:, axis][ranks] - cells[:, axis, None]
+        total += difference * difference
+    return total
+
+
+def _sorted(ranks: Int64, squared: Int64) -> tuple[Int64, Int64]:
+    """Rows by distance, ties by rank."""
+    order = np.lexsort((ranks, squared), axis=1)
+    return np.take_along_axis(ranks, order, 1), np.take_along_axis(squared, order, 1)
+
+
+def _search_all(cells: Int64, control: Int64, count: int) -> Int64:
+    """Ranks of the nearest by looking at all."""
+    found = np.empty((len(cells), count), np.int64)
+    step = max(1, _MAX_DISTANCES // len(control))
+    everyone = np.arange(len(control))
+    for start in range(0, len(cells), step):
+        rows = slice(start, start + step)
+        ranks = np.broadcast_to(everyone, (len(cells[rows]), len(control)))
+        squared = _squared(cells[rows], control, ranks)
+        found[rows] = np.argsort(squared, axis=1, kind="stable")[:, :count]
+    return found
+
+
+def nearest(cells: Int64, control: Int64, count: int) -> tuple[Int64, Int64]:
+    """Ranks and squared distances (N, count) of the nearest of `control` (n, 3), n >= count; ties by rank."""
+    # files without motion do without it
+    from scipy.spatial import cKDTree
+
+    asked = min(len(control), count + 1)
+    tree = cKDTree(control.astype(np.float64))
+    ranks = tree.query(cells.astype(np.float64), asked)[1].reshape(len(cells), asked).astype(np.int64)
+    squared = _squared(cells, control, ranks)
+    # the tree's distances are exact, but its order among equals is not defined
+    ties = np.flatnonzero((squared[:, 1:] <= squared[:, :-1]).any(axis=1))
+    if len(ties):
+        more = min(len(control), count + _SPARE)
+        wider = tree.query(cells[ties].astype(np.float64), more)[1].reshape(len(ties), more)
+        put, distances = _sorted(wider.astype(np.int64), _squared(cells[ties], control, wider))
+        open_end = np.flatnonzero(distances[:, count - 1] == distances[:, -1])
+        if len(open_end) and more < len(control):
+            put[open_end, :count] = _search_all(cells[ties[open_end]], control, count)
+        ranks[ties, :count] = put[:, :count]
+        squared[ties, :count] = _squared(cells[ties], control, put[:, :count])
+    return ranks[:, :count], squared[:, :count]
+
+
+@dataclass(frozen=True)
+class Gathering:
+    """For each point its nearest control points, and weights that sum to 2**12; both int64 (4, N).
+
+    Where there are fewer than four control points, the nearest is repeated with weight 0.
+    """
+
+    ranks: Int64
+    weights: Int64
+
+    def of(self, rows: Int64) -> Gathering:
+        """The same of some points."""
+        return Gathering(self.ranks[:, rows], self.weights[:, rows])
+
+
+def gather_from(cells: Int64, control: Int64) -> Gathering:
+    """Who follows whom: weights (1 - d / edge)**2, where the edge is the distance of the fifth nearest."""
+    count = min(NUM_GATHERED, len(control))
+    asked = min(NUM_GATHERED + 1, len(control))
+    ranks, squared = nearest(cells, control, asked)
+    # exact: the square root of an integer below 2**53 is correctly rounded
+    distance = np.sqrt(squared.astype(np.float64)).astype(np.int64)
+    edge = np.maximum(distance[:, -1] if asked > count else 2 * distance[:, -1], 1)
+    reach = (1 << _RADIUS_BITS) - (distance[:, :count] << _RADIUS_BITS) // edge[:, None]
+    squares = (reach * reach).T
+    total = squares.sum(axis=0)
+    weights = np.zeros((NUM_GATHERED, len(cells)), np.int64)
+    weights[:count] = (squares << GATHER_WEIGHT_BITS) // np.maximum(total, 1)
+    weights[0] += (1 << GATHER_WEIGHT_BITS) - weights.sum(axis=0)
+    followed = np.repeat(ranks[:, :1], NUM_GATHERED, axis=1)
+    followed[:, :count] = ranks[:, :count]
+    return Gathering(np.ascontiguousarray(followed.T), weights)

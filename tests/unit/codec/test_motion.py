@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dfcgs_codec.codec.motion import (
+    FOLLOW,
+    MIXED,
+    STILL,
+    MotionShape,
+    MotionSymbols,
+    classify_modes,
+    code_motion,
+)
+from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.encoder.streams import Streams
+
+
+def random_motion(
+    points: int, coded: int, columns: int, count: int, share: float, seed: int = 0
+) -> MotionSymbols:
+    rng = np.random.default_rng(seed)
+    control = np.zeros((points, 6), np.int64)
+    control[:coded, :columns] = np.rint(rng.normal(size=(coded, columns)) * 20).astype(np.int64)
+    follows = rng.random(count) < share
+    return MotionSymbols(control, classify_modes(follows, 3), follows)
+
+
+def test_modes_of_blocks() -> None:
+    follows = np.array([False] * 8 + [True] * 8 + [True, False] + [True] * 6 + [True] * 3)
+    assert classify_modes(follows, 3).tolist() == [STILL, FOLLOW, MIXED, FOLLOW]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("coded", [0, 1, 40, 100])
+@pytest.mark.parametrize("columns", [3, 6])
+def test_round_trip_with_history(coded: int, columns: int, share: float) -> None:
+    shape = MotionShape(np.random.default_rng(5).permutation(coded), columns, 3)
+    history = MotionSymbols.none(100, 515, 65)
+    for seed in range(3):
+        symbols = random_motion(100, coded, columns, 515, share, seed)
+        streams = Streams()
+        code_motion(streams.next, symbols, history, shape)
+        readers = [SymbolReader(stream) for stream in streams.finish()]
+        waiting = iter(readers)
+        found = code_motion(lambda waiting=waiting: next(waiting), None, history, shape)  # type: ignore[misc]
+        for reader in readers:
+            reader.finish()
+        assert np.array_equal(found.control, symbols.control)
+        assert np.array_equal(found.modes, symbols.modes)
+        assert np.array_equal(found.follows, symbols.follows)
+        history = found
+
+
+def test_what_goes_on_costs_little() -> None:
+    shape = MotionShape(np.arange(10), 3, 6)
+    symbols = random_motion(10, 10, 3, 6400, 0.5)
+    symbols = MotionSymbols(symbols.control, classify_modes(symbols.follows, 6), symbols.follows)
+    streams = Streams()
+    code_motion(streams.next, symbols, MotionSymbols.none(10, 6400, 100), shape)
+    first = len(streams.finish()[0])
+    streams = Streams()
+    code_motion(streams.next, symbols, symbols, shape)
+    assert first > 6400 / 8
+    assert len(streams.finish()[0]) < 20
