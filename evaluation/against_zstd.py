@@ -17,7 +17,7 @@ from dfcgs_codec.codec.decoder import DecodedFrame
 from dfcgs_codec.encoder.analysis import Planes, ZeroBin, inter_symbols, order_of, plan_grid
 from dfcgs_codec.encoder.canonical import choose_axis_names
 from dfcgs_codec.encoder.encoder import plan_sequence
-from dfcgs_codec.encoder.segment import BLOCK_LOG2, SequencePlan
+from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.targets import Targets, ordered
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.transform.rotation import round_divide

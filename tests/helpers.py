@@ -130,6 +130,27 @@ def waving(cloud: GaussianCloud, angle: float) -> GaussianCloud:
     )
 
 
+def joined(first: GaussianCloud, second: GaussianCloud) -> GaussianCloud:
+    """All Gaussians of both."""
+    return GaussianCloud(**{f: np.concatenate([getattr(first, f), getattr(second, f)]) for f in FIELDS})
+
+
+def succeeding(
+    cloud: GaussianCloud, num_frames: int, *, angle: float = 0.05, share: float = 0.03, shuffle: bool = False
+) -> list[GaussianCloud]:
+    """Part of the Gaussians turns; with each frame a share goes and as many others come."""
+    rng = np.random.default_rng(num_frames)
+    count = max(1, round(share * cloud.num_gaussians))
+    frames = [cloud]
+    for index in range(1, num_frames):
+        kept = np.sort(rng.permutation(cloud.num_gaussians)[count:])
+        fresh = make_cloud(count, cloud.sh_degree, 1000 + index)
+        fresh = replace(fresh, scales=fresh.scales + (cloud.scales.mean() + 4))
+        cloud = joined(waving(cloud.take(kept), angle), fresh)
+        frames.append(cloud.take(rng.permutation(cloud.num_gaussians)) if shuffle else cloud)
+    return frames
+
+
 def travelling(cloud: GaussianCloud, num_frames: int, speed: float = 0.1) -> list[GaussianCloud]:
     """A tracked sequence in which the whole scene moves along x, far beyond its own size in the end."""
     step = np.array([speed, 0, 0], np.float32)

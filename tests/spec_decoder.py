@@ -12,9 +12,10 @@ import struct
 import zlib
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import accumulate
+from typing import TypeVar
 
 STATE_LIMIT = 2**29 - 1
 GAUSSIAN, LAPLACE, HEAVY = 0, 1, 2
@@ -22,6 +23,7 @@ POSITION, SCALE, ROTATION, OPACITY, SH_DC = 0, 1, 2, 3, 4
 COLUMNS = (3, 3, 4, 1, 3, 9, 15, 21)
 Row = list[int]
 Matrix = list[list[int]]
+T = TypeVar("T")
 
 
 class Refused(Exception):
@@ -582,6 +584,10 @@ class State:
     order: Row | None = None
     verbatim: dict[int, Matrix] | None = None
 
+    @property
+    def positions(self) -> Matrix:
+        return self.planes[POSITION]
+
     def hash(self) -> bytes:
         """8.5."""
         data = b"".join(digest(self.planes[a]) for a in sorted(self.planes))
@@ -690,6 +696,14 @@ class Activity:
 
     def significant(self, row: int) -> bool:
         return any(self.symbols[row])
+
+    def of(self, symbols: Matrix, num_blocks: int) -> Activity:
+        """15.2, 15.4: of other Gaussians; classes become 0."""
+        return Activity(symbols, [0] * num_blocks, [0] * num_blocks)
+
+
+def num_blocks(n: int, block_log2: int) -> int:
+    return -(-n >> block_log2)
 
 
 def magnitudes(stream: RangeDecoder, density: Row, before: Row) -> Row:
@@ -892,7 +906,6 @@ class Gathered:
 class MotionSymbols:
     """14.3: a mode for each block, who follows, six symbols of each control point."""
 
-    block_log2: int
     mode: Row
     follows: list[bool]
     symbols: Matrix
@@ -954,15 +967,13 @@ class MotionField:
 
     def __init__(self, positions: Matrix, control: ControlHeader) -> None:
         n = len(positions)
-        middle = positions[n // 2]
-        cells = [
-            [clip((a - b) >> control.shift, -(2**20), 2**20) for a, b in zip(p, middle, strict=True)]
-            for p in positions
-        ]
+        self.middle, self.shift = positions[n // 2], control.shift
+        cells = [self.cell(p) for p in positions]
         choose = farthest if control.rule == 0 else stride
         self.gaussian = choose(cells, min(max(1, n // control.spacing), 16384))
         count = len(self.gaussian)
         own_cells = [cells[i] for i in self.gaussian]
+        self.cells = cells
         self.points = [gather(cell, own_cells) for cell in cells]
         self.pivot = [list(positions[i]) for i in self.gaussian]
         # 14.1: levels begin at 0, 1, 4, 16, ...; those of the first gather from none
@@ -974,10 +985,30 @@ class MotionField:
         self.habit_t, self.habit_v = zeros(count), zeros(count)
         self.t, self.v, self.matrices = zeros(count), zeros(count), [zeros(3)] * count
         self.translation_step = 1
-        self.last: MotionSymbols | None = None
+        self.last = MotionSymbols([], [False] * n, [[0] * 6 for _ in range(count)])
+
+    def cell(self, position: Row) -> Row:
+        return [
+            clip((a - b) >> self.shift, -(2**20), 2**20) for a, b in zip(position, self.middle, strict=True)
+        ]
+
+    def keep(self, kept: Row) -> None:
+        """15.2."""
+        self.cells = [self.cells[i] for i in kept]
+        self.points = [self.points[i] for i in kept]
+        self.last = replace(self.last, mode=[], follows=[self.last.follows[i] for i in kept])
+
+    def insert(self, births: Matrix, rows: list[Place]) -> None:
+        """15.4, from the positions of births."""
+        cells = [self.cell(position) for position in births]
+        own_cells = [self.cell(pivot) for pivot in self.pivot]
+        self.points = merged(rows, self.points, [gather(cell, own_cells) for cell in cells])
+        self.cells = merged(rows, self.cells, cells)
+        follows = merged(rows, self.last.follows, [False] * len(births))
+        self.last = replace(self.last, mode=[], follows=follows)
 
     def decode(self, fields: Fields, block_log2: int) -> MotionSymbols:
-        """6.2, 14.3; moves the control points."""
+        """6.3, 14.3; moves the control points."""
         num_coded, temporal_weight = fields.uvarint(), fields.u8()
         steps = (fields.uvarint(), fields.uvarint())
         require(num_coded <= len(self.pivot) and temporal_weight <= 4)
@@ -986,17 +1017,15 @@ class MotionField:
         mode, follows = self._followers(next(streams), block_log2)
         symbols = self._symbols(next(streams), num_coded, steps)
         require(next(streams, None) is None)
-        self.last = MotionSymbols(block_log2, mode, follows, symbols)
+        self.last = MotionSymbols(mode, follows, symbols)
         self._move(symbols, temporal_weight, steps)
         return self.last
 
     def _followers(self, stream: RangeDecoder, block_log2: int) -> tuple[Row, list[bool]]:
         n = len(self.points)
-        before, followed = [0] * -(-n >> block_log2), [False] * n
-        if self.last is not None:
-            followed = self.last.follows
-            if self.last.block_log2 == block_log2:
-                before = self.last.mode
+        before, followed = self.last.mode, self.last.follows
+        if len(before) != num_blocks(n, block_log2):
+            before = [0] * num_blocks(n, block_log2)
         mode = stream.grouped(before, stream.read_histograms(occurring(before), 3))
         follows = [mode[i >> block_log2] == 1 for i in range(n)]
         rows = [i for i in range(n) if mode[i >> block_log2] == 2]
@@ -1009,8 +1038,7 @@ class MotionField:
 
     def _symbols(self, stream: RangeDecoder, num_coded: int, steps: tuple[int, int]) -> Matrix:
         rows = sorted(range(num_coded), key=lambda k: self.gaussian[k])
-        old = self.last.symbols if self.last else [[0] * 6 for _ in self.pivot]
-        hint = [sum(abs(s) for s in old[k]) for k in rows]
+        hint = [sum(abs(s) for s in self.last.symbols[k]) for k in rows]
         symbols = [[0] * 6 for _ in self.pivot]
         residuals: Matrix = []
         num_columns = 6 if steps[1] > 0 else 3
@@ -1074,7 +1102,6 @@ class MotionField:
 
     def learn(self, reference: Matrix, decoded: Matrix) -> None:
         """14.6, from positions."""
-        assert self.last is not None
         for i, point in enumerate(self.points):
             if self.last.follows[i]:
                 actual = [a - b for a, b in zip(decoded[i], reference[i], strict=True)]
@@ -1096,6 +1123,119 @@ class MotionField:
 
 def zeros(count: int) -> Matrix:
     return [[0] * 3 for _ in range(count)]
+
+
+# --- 15 topology ------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Place:
+    """Where a row of a frame comes from: the `index`-th survivor or birth."""
+
+    is_birth: bool
+    index: int
+
+
+@dataclass
+class Topology:
+    """What a TOPOLOGY chunk says; `places` less those that are expected."""
+
+    kept: Row
+    births: State | None
+    places: Row | None
+
+
+def merged(rows: list[Place], survivors: list[T], births: list[T]) -> list[T]:
+    return [(births if row.is_birth else survivors)[row.index] for row in rows]
+
+
+def cell_key(cell: Row) -> int:
+    """15.3."""
+    x, y, z = (min(c + 2**20, 2**21 - 1) for c in cell)
+    return sum(
+        (x >> b & 1) << (3 * b + 2) | (y >> b & 1) << (3 * b + 1) | (z >> b & 1) << 3 * b for b in range(21)
+    )
+
+
+def interleaved(survivors: Matrix, births: Matrix) -> list[Place]:
+    """15.3, from cells."""
+    rising = accumulate((cell_key(cell) for cell in survivors), max)
+    rows = [(key, 0, i) for i, key in enumerate(rising)]
+    rows += [(cell_key(cell), 1, j) for j, cell in enumerate(births)]
+    return [Place(birth == 1, index) for _, birth, index in sorted(rows)]
+
+
+@dataclass
+class Gof:
+    """What is kept from frame to frame."""
+
+    state: State
+    anchors: Matrix
+    anchor_step: int
+    control: ControlHeader
+
+    def __post_init__(self) -> None:
+        self.history: dict[int, Activity] = {}
+        self.lods = Lods(len(self.anchors), self.anchors)
+        self._intra = self.state.positions
+        self._motion: MotionField | None = None
+
+    @property
+    def motion(self) -> MotionField:
+        """Made when it is first needed, from the I-frame (14)."""
+        if self._motion is None:
+            self._motion = MotionField(self._intra, self.control)
+        return self._motion
+
+    def _anchored(self, anchors: Matrix) -> None:
+        self.anchors, self.lods = anchors, Lods(len(anchors), anchors)
+
+    def keep(self, kept: Row, block_log2: int) -> None:
+        """15.2; the state no longer holds float32 values in any case (9.3)."""
+        if len(kept) == len(self.anchors):
+            self.state = State(self.state.planes, self.state.order)
+            return
+        planes = {a: [plane[i] for i in kept] for a, plane in self.state.planes.items()}
+        order = None
+        if self.state.order is not None:
+            old = [self.state.order[i] for i in kept]
+            ranks = {place: rank for rank, place in enumerate(sorted(old))}
+            order = [ranks[place] for place in old]
+        self.motion.keep(kept)
+        self.state = State(planes, order)
+        self._anchored([self.anchors[i] for i in kept])
+        for attribute, activity in self.history.items():
+            symbols = [activity.symbols[i] for i in kept]
+            self.history[attribute] = activity.of(symbols, num_blocks(len(kept), block_log2))
+
+    def settle(self, topology: Topology, block_log2: int) -> None:
+        """15.4: births and places."""
+        rows = [Place(False, i) for i in range(len(self.anchors))]
+        if topology.births is not None:
+            rows = self._insert(topology.births, block_log2)
+        expected = list(range(len(rows)))
+        if self.state.order is not None:
+            survivors = self.state.order
+            births = [len(survivors) + j for j in range(len(rows) - len(survivors))]
+            expected = merged(rows, survivors, births)
+            self.state.order = expected
+        if topology.places is not None:
+            self.state.order = [a + b for a, b in zip(topology.places, expected, strict=True)]
+            require(sorted(self.state.order) == list(range(len(rows))))
+
+    def _insert(self, births: State, block_log2: int) -> list[Place]:
+        born = births.positions
+        rows = interleaved(self.motion.cells, [self.motion.cell(position) for position in born])
+        self.motion.insert(born, rows)
+        planes = {a: merged(rows, plane, births.planes[a]) for a, plane in self.state.planes.items()}
+        self.state = State(planes, self.state.order)
+        anchors = [[round_divide(x, self.anchor_step) for x in p] for p in born]
+        self._anchored(merged(rows, self.anchors, anchors))
+        for attribute, activity in self.history.items():
+            nothing = [[0] * len(activity.symbols[0]) for _ in born]
+            symbols = merged(rows, activity.symbols, nothing)
+            self.history[attribute] = activity.of(symbols, num_blocks(len(rows), block_log2))
+        return rows
 
 
 # --- 3 to 7 files -----------------------------------------------------------------------------------------
@@ -1127,7 +1267,7 @@ class Frame:
 
 def sequence_header(fields: Fields) -> Sequence:
     version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
-    require(version == 2 and profile == 0 and level in (1, 2, 3) and sh_degree <= 3 and order <= 2)
+    require(version == 3 and profile == 0 and level in (1, 2, 3) and sh_degree <= 3 and order <= 2)
     num_frames = fields.uvarint()
     fields.uvarint()
     require(num_frames > 0 and fields.uvarint() > 0)
@@ -1156,7 +1296,7 @@ def chunks(data: bytes) -> Iterator[tuple[int, int, Fields]]:
         payload = fields.raw(length)
         crc = zlib.crc32(data[start : fields.place])
         require(fields.raw(4) == struct.pack("<I", crc))
-        if kind in (0x01, 0x10, 0x20, 0x22, 0x24, 0x7E, 0x7F):
+        if kind in (0x01, 0x10, 0x20, 0x22, 0x23, 0x24, 0x7E, 0x7F):
             yield kind, frame_index, Fields(payload)
         else:
             require(kind & 0x80 != 0)
@@ -1172,28 +1312,53 @@ def open_streams(fields: Fields, count: int) -> Iterator[RangeDecoder]:
     require(fields.place == len(fields.data))
 
 
-def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, State, Matrix, ControlHeader]:
-    """Hash, state, anchor positions, what control points there are."""
+def sort_grid(fields: Fields) -> SortGrid:
+    shift, bits = fields.u8(), fields.u8()
+    origin = [fields.svarint() for _ in range(3)]
+    return SortGrid(shift, bits, origin, bool(fields.u8()))
+
+
+def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof]:
+    """Hash, and the GoF that begins."""
     frame_hash, kind = fields.raw(16), fields.u8()
     n, has_permutation = fields.uvarint(), bool(fields.u8())
     control = ControlHeader(fields.u8(), fields.uvarint(), fields.u8())
     require(control.rule in (0, 1) and control.spacing >= 1 and control.shift <= 31)
     count = len(sequence.attributes) + has_permutation
     if kind == 1:
-        shift, bits = fields.u8(), fields.u8()
-        origin = [fields.svarint() for _ in range(3)]
-        grid = SortGrid(shift, bits, origin, bool(fields.u8()))
+        grid = sort_grid(fields)
         steps = {attribute: fields.uvarint() for attribute in sequence.attributes}
         streams = open_streams(fields, count)
-        state, anchors = coded_intra(streams, n, steps, (grid, has_permutation))
+        gof = Gof(*coded_intra(streams, n, steps, (grid, has_permutation)), steps[POSITION], control)
     else:
         require(kind == 0)
         streams = open_streams(fields, count)
         coding = (sequence.exponents, has_permutation)
         state = verbatim_intra(streams, n, sequence.attributes, coding)
-        anchors = state.planes[POSITION]
+        gof = Gof(state, state.positions, 1, control)
     require(next(streams, None) is None)
-    return frame_hash, state, anchors, control
+    return frame_hash, gof
+
+
+def topology_chunk(fields: Fields, sequence: Sequence, n: int) -> Topology:
+    """6.2, 15.1."""
+    num_removals, has_permutation, num_births = fields.uvarint(), fields.u8(), fields.uvarint()
+    require(num_removals < n and has_permutation <= 1)
+    attributes = sequence.attributes if num_births else []
+    grid = sort_grid(fields) if num_births else SortGrid(0, 0, [], False)
+    steps = {attribute: fields.uvarint() for attribute in attributes}
+    streams = open_streams(fields, (num_removals > 0) + len(attributes) + has_permutation)
+    removed, births, places = [0] * n, None, None
+    if num_removals:
+        stream = next(streams)
+        removed = stream.grouped([0] * n, stream.read_histograms([0], 2))
+        require(sum(removed) == num_removals)
+    if num_births:
+        births, _ = coded_intra(streams, num_births, steps, (grid, False))
+    if has_permutation:
+        places, _ = predicted_component(next(streams), Lods(n - num_removals + num_births), [], [])
+    require(next(streams, None) is None)
+    return Topology([i for i in range(n) if not removed[i]], births, places)
 
 
 class Decoder:
@@ -1204,28 +1369,22 @@ class Decoder:
         kind, _, fields = next(self._chunks)
         require(kind == 0x01)
         self.sequence = sequence_header(fields)
-        self._state = State({})
-        self._history: dict[int, Activity] = {}
-        self._gof = Lods(0)
-        self._intra: Matrix = []
-        self._control = ControlHeader(0, 1, 0)
-        self._motion: MotionField | None = None
 
     def frames(self) -> Iterator[Frame]:
         expected = 0
+        gof: Gof | None = None
         for kind, frame_index, fields in self._chunks:
             if kind in (0x7E, 0x7F):
                 continue
             require(frame_index == expected)
             if kind == 0x10:
-                frame_hash, self._state, anchors, self._control = intra_frame(fields, self.sequence)
-                self._gof = Lods(len(anchors), anchors)
-                self._history = {}
-                self._intra, self._motion = self._state.planes[POSITION], None
+                frame_hash, gof = intra_frame(fields, self.sequence)
             else:
-                require(kind == 0x20 and expected > 0)
-                frame_hash = self._inter_frame(fields, frame_index)
-            yield Frame(frame_index, frame_hash, self._state, self.sequence)
+                require(kind == 0x20)
+                if gof is None:
+                    raise Refused
+                frame_hash = self._inter_frame(fields, frame_index, gof)
+            yield Frame(frame_index, frame_hash, gof.state, self.sequence)
             expected += 1
         require(expected == self.sequence.num_frames)
 
@@ -1235,53 +1394,56 @@ class Decoder:
         require(found == kind and index == frame_index)
         return fields
 
-    def _inter_frame(self, fields: Fields, frame_index: int) -> bytes:
+    def _inter_frame(self, fields: Fields, frame_index: int, gof: Gof) -> bytes:
         frame_hash, tools, mask = fields.raw(16), fields.u8(), fields.u8()
         attributes = [a for a in self.sequence.attributes if mask >> a & 1]
-        require(tools <= 1 and mask < 1 << len(self.sequence.attributes))
+        require(tools < 4 and mask < 1 << len(self.sequence.attributes))
         block_log2 = fields.u8() if tools or mask else 3
         steps = {attribute: fields.uvarint() for attribute in attributes}
         require(fields.place == len(fields.data))
-        reference = self._state
-        motion = self._moved(self._following(0x22, frame_index), block_log2) if tools else None
+        topology, motion = None, None
+        if tools & 2:
+            n = len(gof.state.positions)
+            topology = topology_chunk(self._following(0x23, frame_index), self.sequence, n)
+            gof.keep(topology.kept, block_log2)
+        reference = gof.state.positions
+        if tools & 1:
+            motion = gof.motion.decode(self._following(0x22, frame_index), block_log2)
+            gof.state = gof.motion.carry(gof.state, motion.follows)
         activity: dict[int, Activity] = {}
         if mask:
             beside = motion.beside() if motion else None
-            residual = self._following(0x24, frame_index)
-            activity = self._residual(residual, attributes, block_log2, beside)
-        self._history = activity
-        self._state = reconstruct_inter(activity, steps, self._state)
-        if motion and self._motion:
-            self._motion.learn(reference.planes[POSITION], self._state.planes[POSITION])
+            activity = residual(self._following(0x24, frame_index), gof, attributes, (block_log2, beside))
+        gof.history = activity
+        gof.state = reconstruct_inter(activity, steps, gof.state)
+        if motion:
+            gof.motion.learn(reference, gof.state.positions)
+        if topology:
+            gof.settle(topology, block_log2)
         return frame_hash
 
-    def _moved(self, fields: Fields, block_log2: int) -> MotionSymbols:
-        """Makes the state the predicted frame (9.3)."""
-        self._motion = self._motion or MotionField(self._intra, self._control)
-        motion = self._motion.decode(fields, block_log2)
-        self._state = self._motion.carry(self._state, motion.follows)
-        return motion
 
-    def _residual(
-        self, fields: Fields, attributes: Row, block_log2: int, beside: Activity | None
-    ) -> dict[int, Activity]:
-        n = len(self._state.planes[POSITION])
-        num_blocks = -(-n >> block_log2)
+def residual(
+    fields: Fields, gof: Gof, attributes: Row, coding: tuple[int, Activity | None]
+) -> dict[int, Activity]:
+    """6.4; `coding` is block_log2 and what the first stream has beside it."""
+    block_log2, beside = coding
+    n = len(gof.state.positions)
+    count = num_blocks(n, block_log2)
 
-        def nothing(num_columns: int) -> Activity:
-            zeros = [0] * num_blocks
-            return Activity([[0] * num_columns for _ in range(n)], zeros, zeros)
+    def nothing(num_columns: int) -> Activity:
+        return Activity([[0] * num_columns for _ in range(n)], [0] * count, [0] * count)
 
-        activity: dict[int, Activity] = {}
-        beside = beside or nothing(1)
-        streams = open_streams(fields, len(attributes))
-        for attribute, stream in zip(attributes, streams, strict=True):
-            before = self._history.get(attribute)
-            if before is None or len(before.density) != num_blocks:
-                before = nothing(3 if attribute == ROTATION else COLUMNS[attribute])
-            beside = inter_attribute(stream, self._gof, (before, beside), block_log2)
-            activity[attribute] = beside
-        return activity
+    activity: dict[int, Activity] = {}
+    beside = beside or nothing(1)
+    streams = open_streams(fields, len(attributes))
+    for attribute, stream in zip(attributes, streams, strict=True):
+        before = gof.history.get(attribute)
+        if before is None or len(before.density) != count:
+            before = nothing(3 if attribute == ROTATION else COLUMNS[attribute])
+        beside = inter_attribute(stream, gof.lods, (before, beside), block_log2)
+        activity[attribute] = beside
+    return activity
 
 
 # --- 8.4 output -------------------------------------------------------------------------------------------

@@ -49,6 +49,7 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec.decoder import SequenceDecoder
+from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.motion import MotionSymbols, classify_modes
@@ -60,6 +61,7 @@ from dfcgs_codec.codec.side_information import (
     code_weights,
     histogram_models,
 )
+from dfcgs_codec.codec.topology import TopologySymbols
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder import frame_coding, streams
 from dfcgs_codec.encoder.motion_choice import MotionTrial
@@ -627,13 +629,11 @@ def _random_control(rng: np.random.Generator) -> ControlHeader:
     )
 
 
-def _random_motion(
-    rng: np.random.Generator, before: frame_coding.CodedFrame, block_log2: int
-) -> MotionTrial | None:
+def _random_motion(rng: np.random.Generator, before: GofState, block_log2: int) -> MotionTrial | None:
     if rng.random() < 0.3:
         return None
     motion = before.motion()
-    points, count = motion.field.num_points, before.state.num_gaussians
+    points, count = motion.field.num_points, before.frame.num_gaussians
     header = MotionHeader(
         int(rng.integers(0, points + 1)),
         int(rng.integers(0, 5)),
@@ -646,7 +646,28 @@ def _random_motion(
         control[:, 3:] = 0
     follows = rng.random(count) < rng.choice([0.0, 0.5, 1.0])
     symbols = MotionSymbols(control, classify_modes(follows, block_log2), follows)
-    return MotionTrial(header, symbols, motion.carry(header, symbols, before.state), 0.0)
+    return MotionTrial(header, symbols, motion.carry(header, symbols, before.frame), 0.0)
+
+
+def _random_topology(
+    rng: np.random.Generator, before: GofState, attributes: list[Attribute]
+) -> frame_coding.TopologyChange | None:
+    if rng.random() < 0.4:
+        return None
+    count = before.frame.num_gaussians
+    kept = np.flatnonzero(rng.random(count) < rng.choice([0.3, 0.9, 1.0]))
+    if len(kept) == 0:
+        kept = rng.integers(0, count, 1)
+    num_births = int(rng.choice([0, 1, 30, 150]))
+    births, grid, steps = None, None, {}
+    if num_births:
+        grid = _random_grid(rng)
+        symbols = _intra_symbols(rng, num_births, int(Attribute.SH_1 in attributes), grid)
+        births = replace(symbols, permutation=None)
+        steps = {attribute: int(rng.integers(1, 400)) for attribute in attributes}
+    total = len(kept) + num_births
+    inputs = rng.permutation(total) if rng.random() < 0.4 else None
+    return frame_coding.TopologyChange(TopologySymbols(kept, births), count, grid, steps, inputs)
 
 
 def _random_intra(
@@ -671,11 +692,15 @@ def _random_inter(
     # blocks of 16 and of 32 are the same number for a few Gaussians, and history goes on
     block_log2 = int(rng.choice([3, 4, 5], p=[0.7, 0.2, 0.1]))
     present = attributes if rng.random() < 0.8 else []
-    symbols = _inter_symbols(rng, present, before.state.num_gaussians, block_log2)
+    change = _random_topology(rng, before.state, attributes)
+    state = before.state
+    if change is not None:
+        state = state.survivors(change.symbols.kept, block_log2)
+    symbols = _inter_symbols(rng, present, state.frame.num_gaussians, block_log2)
     steps = {attribute: int(rng.integers(1, 3000)) for attribute in attributes}
-    trial = _random_motion(rng, before, block_log2)
-    coded = frame_coding.code_inter_frame(index, symbols, before, (steps, block_log2), trial)
-    for activity in coded.history.activity.values():
+    trial = _random_motion(rng, state, block_log2)
+    coded = frame_coding.code_inter_frame(index, symbols, state, (steps, block_log2), trial, change)
+    for activity in coded.state.history.activity.values():
         np.clip(activity.magnitude, 0, 23, out=activity.magnitude)
     return coded
 
@@ -709,7 +734,7 @@ def test_random_choices(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     _check_file(file.getvalue())
 
 
-# --- section 15 -------------------------------------------------------------------------------------------
+# --- section 17 -------------------------------------------------------------------------------------------
 
 
 def _patched(field: str, value: bytes, chunk: int = 0) -> bytes:
@@ -749,7 +774,7 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_PLAIN[: _CHUNKS[1]] + _PLAIN[8:], "corrupt"),
         (_PLAIN[:100] + b"!" + _PLAIN[101:], "corrupt"),
         (_patched("bitstream_version", b"\1"), "unsupported"),
-        (_patched("bitstream_version", b"\3"), "unsupported"),
+        (_patched("bitstream_version", b"\4"), "unsupported"),
         (_patched("profile", b"\1"), "unsupported"),
         (_patched("profile", b"\2"), "unsupported"),
         (_patched("level", b"\0"), "unsupported"),
@@ -765,7 +790,8 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("model_id_length", b"\x7f"), "limit"),
         (_patched("model_id_length", b"\1"), "corrupt"),
         (_patched("chunk_type", b"\x22", 1), "corrupt"),
-        (_patched("chunk_type", b"\x23", 1), "unsupported"),
+        (_patched("chunk_type", b"\x21", 1), "unsupported"),
+        (_patched("chunk_type", b"\x23", 1), "corrupt"),
         (_patched("chunk_type", b"\x42", 1), "unsupported"),
         (_patched("frame_index", b"\1", 2), "corrupt"),
         (_patched("frame_hash", b"\0" * 16), "verification"),
@@ -816,7 +842,7 @@ def test_text_names_every_error() -> None:
     codes = {kind.code: kind.__name__ for kind in BitstreamError.__subclasses__()}
     codes |= {VerificationError.code: VerificationError.__name__}
     codes.pop(errors.ModelMismatch.code)
-    text = SPEC[SPEC.index("## 16 ") : SPEC.index("## 17 ")]
+    text = SPEC[SPEC.index("## 17 ") : SPEC.index("## 18 ")]
     written = {code: name for name, code in re.findall(r"^\| `(\w+)` \| `([\w-]+)` \|", text, re.M)}
     assert written == codes
 

@@ -54,11 +54,15 @@ def _scattered(count: int) -> GaussianCloud:
     return replace(cloud, positions=cloud.positions * np.float32(1e4), scales=cloud.scales - 2)
 
 
-def _waving(count: int, num_frames: int, seed: int = 3) -> list[GaussianCloud]:
+def _minute(count: int, sh_degree: int = 0) -> GaussianCloud:
+    """Gaussians so small that motion is worth its bytes."""
+    cloud = helpers.make_cloud(count, sh_degree, 3)
+    return replace(cloud, scales=cloud.scales - 3)
+
+
+def _waving(count: int, num_frames: int) -> list[GaussianCloud]:
     """One half turns about the vertical axis, farther with every frame; the other stands still."""
-    cloud = helpers.make_cloud(count, 0, seed)
-    # so small that motion is worth its bytes
-    cloud = replace(cloud, scales=cloud.scales - 3)
+    cloud = _minute(count)
     return [helpers.waving(cloud, 0.1 * index) for index in range(num_frames)]
 
 
@@ -104,6 +108,19 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "motion_after_verbatim": (_waving(300, 3), EncoderOptions(intra=IntraKind.PLY, control_spacing=10)),
         "motion_only": (_waving(300, 4), EncoderOptions(motion=MotionMode.ONLY, control_spacing=12)),
+        "births_and_deaths": (helpers.succeeding(_minute(600), 4), EncoderOptions(control_spacing=20)),
+        "lost_order_topology": (
+            helpers.succeeding(_minute(400, 1), 4, shuffle=True),
+            EncoderOptions(control_spacing=20),
+        ),
+        "input_order_topology": (
+            helpers.succeeding(_minute(300), 3, shuffle=True),
+            EncoderOptions(order=OutputOrder.INPUT, control_spacing=20),
+        ),
+        "topology_after_verbatim": (
+            helpers.succeeding(_minute(200), 3),
+            EncoderOptions(intra=IntraKind.PLY, control_rule=ControlRule.STRIDE, control_spacing=9),
+        ),
         "odd_rate": (
             helpers.still(helpers.make_cloud(5), 2),
             EncoderOptions(frame_rate=Fraction(30000, 1001)),
@@ -236,14 +253,15 @@ def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
         "text_mode": (valid.replace(b"\r\n", b"\n", 1), "NotADgsFile"),
         "foreign_glps": (b"glps" + valid[4:], "NotADgsFile"),
         "trailing_bytes": (valid + b"more", "CorruptBitstream"),
-        "version_1": (_chunks_with(valid, _in_chunk(header, 0, 1)), "UnsupportedBitstream"),
+        "version_2": (_chunks_with(valid, _in_chunk(header, 0, 2)), "UnsupportedBitstream"),
         "version_200": (_chunks_with(valid, _in_chunk(header, 0, 200)), "UnsupportedBitstream"),
         "unknown_profile": (_chunks_with(valid, _in_chunk(header, 1, 9)), "UnsupportedBitstream"),
         "paper_profile": (_chunks_with(valid, _in_chunk(header, 1, 1)), "UnsupportedBitstream"),
         "unknown_level": (_chunks_with(valid, _in_chunk(header, 2, 200)), "UnsupportedBitstream"),
         "sh_degree_4": (_chunks_with(valid, _in_chunk(header, 3, 4)), "LimitExceeded"),
         "unknown_critical_chunk": (_with_chunk(valid, 0x33), "UnsupportedBitstream"),
-        "topology_chunk": (_with_chunk(valid, ChunkType.TOPOLOGY), "UnsupportedBitstream"),
+        "hyperprior_chunk": (_with_chunk(valid, ChunkType.HYPERPRIOR), "UnsupportedBitstream"),
+        "misplaced_topology": (_with_chunk(valid, ChunkType.TOPOLOGY), "CorruptBitstream"),
         "misplaced_motion": (_with_chunk(valid, ChunkType.MOTION), "CorruptBitstream"),
         "wrong_hash": (_chunks_with(valid, _in_chunk(ChunkType.INTRA_FRAME, 0, 0xAA)), "VerificationError"),
         "no_intra_frame": (_without_intra(valid), "CorruptBitstream"),

@@ -149,10 +149,10 @@ def _inter_symbols() -> InterSymbols:
 
 def _motion(intra: frame_coding.CodedFrame) -> MotionTrial:
     """The first control point moves, the second Gaussian follows."""
-    motion = intra.motion()
+    motion = intra.state.motion()
     follows = np.array(_FOLLOWS)
     symbols = MotionSymbols(np.array(_CONTROL_SYMBOLS, np.int64), np.array([MIXED]), follows)
-    return MotionTrial(_MOTION, symbols, motion.carry(_MOTION, symbols, intra.state), 0.0)
+    return MotionTrial(_MOTION, symbols, motion.carry(_MOTION, symbols, intra.state.frame), 0.0)
 
 
 def build() -> bytes:
@@ -165,7 +165,7 @@ def build() -> bytes:
     with mock.patch.object(streams, "SymbolWriter", PlainWriter):
         intra = frame_coding.code_intra_frame(0, symbols, _GRID, _STEPS, _CONTROL)
         trial = _motion(intra)
-        inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra, (_STEPS, _BLOCK_LOG2), trial)
+        inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra.state, (_STEPS, _BLOCK_LOG2), trial)
     writer.gof(0, [intra.data, inter.data])
     writer.finish()
     return file.getvalue()

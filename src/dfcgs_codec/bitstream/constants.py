@@ -8,7 +8,7 @@ from typing import NamedTuple
 MAGIC = b"\x89DGS\r\n\x1a\n"
 #: first bytes of another package's `.dgs` files (dgs-py: one static scene with linear velocities)
 FOREIGN_MAGIC = b"glps"
-BITSTREAM_VERSION = 2
+BITSTREAM_VERSION = 3
 
 #: chunk types with this bit set may be skipped when unknown
 ANCILLARY_BIT = 0x80
@@ -84,6 +84,7 @@ class Tool(IntEnum):
     """What a P-frame may hold besides residuals; the value is the bit in `tools` (spec section 6.1)."""
 
     MOTION = 0
+    TOPOLOGY = 1
 
 
 class Attribute(IntEnum):

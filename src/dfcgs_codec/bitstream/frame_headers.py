@@ -78,12 +78,14 @@ class ControlHeader:
         )
 
 
-def _write_steps(writer: ByteWriter, steps: dict[Attribute, int]) -> None:
+def write_steps(writer: ByteWriter, steps: dict[Attribute, int]) -> None:
+    """Steps in rising order of attributes."""
     for attribute in sorted(steps):
         writer.uvarint(steps[attribute])
 
 
-def _read_steps(reader: ByteReader, attributes: list[Attribute]) -> dict[Attribute, int]:
+def read_steps(reader: ByteReader, attributes: list[Attribute]) -> dict[Attribute, int]:
+    """Refuses steps of 0 and those beyond the grid."""
     steps = {}
     for attribute in attributes:
         offset = reader.offset
@@ -120,7 +122,7 @@ class IntraHeader:
         self.control.write(writer)
         if self.sort_grid is not None:
             self.sort_grid.write(writer)
-            _write_steps(writer, self.steps)
+            write_steps(writer, self.steps)
         for length in self.lengths:
             writer.uvarint(length)
 
@@ -139,7 +141,7 @@ class IntraHeader:
         grid, steps = None, {}
         if kind == IntraKind.CODED:
             grid = SortGrid.read(reader)
-            steps = _read_steps(reader, attributes)
+            steps = read_steps(reader, attributes)
         lengths = tuple(reader.uvarint() for _ in range(len(attributes) + permuted))
         return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths)
 
@@ -169,7 +171,7 @@ class InterHeader:
         writer.u8(sum(1 << attribute for attribute in self.steps))
         if self.steps or self.tools:
             writer.u8(self.block_log2)
-        _write_steps(writer, self.steps)
+        write_steps(writer, self.steps)
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> InterHeader:
@@ -187,4 +189,4 @@ class InterHeader:
             raise CorruptBitstream(f"attribute_mask {mask:#x} names unknown attributes", offset=offset)
         if not mask and not tools:
             return InterHeader(frame_hash, tools, 0, {})
-        return InterHeader(frame_hash, tools, _read_block_log2(reader), _read_steps(reader, present))
+        return InterHeader(frame_hash, tools, _read_block_log2(reader), read_steps(reader, present))

@@ -78,6 +78,15 @@ class Binding:
         efforts[:, rows], choice[rows] = learnt.efforts, learnt.choice
         return replace(self, efforts=efforts, choice=choice)
 
+    def merge(self, births: Binding, source: Int64) -> Binding:
+        """With `births`: point i of the result is point source[i] of these and those."""
+        gathering = Gathering(
+            np.concatenate([self.gathering.ranks, births.gathering.ranks], axis=1)[:, source],
+            np.concatenate([self.gathering.weights, births.gathering.weights], axis=1)[:, source],
+        )
+        efforts = np.concatenate([self.efforts, births.efforts], axis=1)[:, source]
+        return Binding(gathering, efforts, np.concatenate([self.choice, births.choice])[source])
+
     def moves(self, motion: RigidMotion, positions: Float64) -> Float64:
         """Displacements (5, 3, N), integers, of `positions` (3, N) by each candidate."""
         table = motion.table()

@@ -15,6 +15,8 @@ from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.inter import nonzero_rows
 from dfcgs_codec.codec.motion import MotionShape, MotionSymbols
 from dfcgs_codec.codec.motion_field import FieldMotion, MotionField
+from dfcgs_codec.transform.control_points import CELL_LIMIT, control_cells, gather_from
+from dfcgs_codec.transform.morton import morton_keys
 from dfcgs_codec.transform.rotation import from_stereo, multiply, normalise
 
 Int64 = npt.NDArray[np.int64]
@@ -38,18 +40,58 @@ class Carried:
 
 @dataclass(frozen=True)
 class GofMotion:
-    """Control points and followers of a GoF before a frame, and the last motion symbols."""
+    """Control points and followers of a GoF before a frame, and the last motion symbols.
+
+    `cells` (N, 3): where the Gaussians were when they came; all cells are about `center`, with `shift`.
+    """
 
     field: MotionField
     binding: Binding
     symbols: MotionSymbols
+    cells: Int64
+    center: Int64
+    shift: int
 
     @staticmethod
     def of(positions: Int64, control: ControlHeader) -> GofMotion:
         """At the I-frame, from its decoded positions (N, 3)."""
-        field = MotionField.of(positions, control)
-        binding = Binding.of(field.gather(positions, control.shift))
-        return GofMotion(field, binding, MotionSymbols.none(field.num_points, len(positions), 0))
+        center = positions[len(positions) >> 1]
+        cells = control_cells(positions, center, control.shift)
+        field = MotionField.of(positions, cells, control)
+        binding = Binding.of(gather_from(cells, cells[field.gaussians]))
+        symbols = MotionSymbols.none(field.num_points, len(positions), 0)
+        return GofMotion(field, binding, symbols, cells, center, control.shift)
+
+    def cells_of(self, positions: Int64) -> Int64:
+        """Cells (rows, 3) of `positions`."""
+        return control_cells(positions, self.center, self.shift)
+
+    def keys_of(self, cells: Int64) -> Int64:
+        """Morton keys (rows,) that births are sorted in by."""
+        return morton_keys(np.minimum(cells + CELL_LIMIT, 2 * CELL_LIMIT - 1))
+
+    def keys(self) -> Int64:
+        """Those of the Gaussians that are there."""
+        return self.keys_of(self.cells)
+
+    def survivors(self, kept: Int64, block_log2: int) -> GofMotion:
+        """Without the Gaussians that are not among the rows `kept`."""
+        return replace(
+            self,
+            binding=self.binding.of_rows(kept),
+            symbols=self.symbols.merged(0, kept, block_log2),
+            cells=self.cells[kept],
+        )
+
+    def with_births(self, cells: Int64, source: Int64, block_log2: int) -> GofMotion:
+        """With Gaussians at `cells`, bound to where control points are now; see `FrameState.merge`."""
+        births = Binding.of(gather_from(cells, self.cells_of(self.field.pivots)))
+        return replace(
+            self,
+            binding=self.binding.merge(births, source),
+            symbols=self.symbols.merged(len(cells), source, block_log2),
+            cells=np.concatenate([self.cells, cells])[source],
+        )
 
     def shape(self, header: MotionHeader, block_log2: int) -> MotionShape:
         """What the symbol walk needs."""
@@ -95,7 +137,9 @@ class GofMotion:
         actual = new.T.astype(np.float64) - old.T
         learnt = carried.binding.learn(carried.moves, actual, carried.step)
         field = self.field.after(carried.field_motion, symbols.control, carried.step)
-        return GofMotion(field, self.binding.with_rows(carried.rows, learnt), symbols)
+        return replace(
+            self, field=field, binding=self.binding.with_rows(carried.rows, learnt), symbols=symbols
+        )
 
 
 class ControlSource:

@@ -14,6 +14,9 @@ from dfcgs_codec.codec.gof_decoder import GofDecoder
 from dfcgs_codec.errors import CorruptBitstream, UnsupportedBitstream
 from dfcgs_codec.gaussians import GaussianCloud
 
+#: chunks that stand behind others that announce them
+_PARTS = (ChunkType.SEQUENCE_HEADER, ChunkType.TOPOLOGY, ChunkType.MOTION, ChunkType.RESIDUAL)
+
 
 @dataclass(frozen=True)
 class DecodedFrame:
@@ -81,11 +84,11 @@ class SequenceDecoder:
 
     def _side_chunk(self, head: ChunkHead) -> None:
         """Check chunks without a frame; those that need a newer decoder refuse."""
-        if head.chunk_type in (ChunkType.HYPERPRIOR, ChunkType.TOPOLOGY):
+        if head.chunk_type == ChunkType.HYPERPRIOR:
             raise UnsupportedBitstream(
                 f"chunk {ChunkType(head.chunk_type).name} needs a newer decoder", offset=head.offset
             )
-        if head.chunk_type in (ChunkType.SEQUENCE_HEADER, ChunkType.MOTION, ChunkType.RESIDUAL):
+        if head.chunk_type in _PARTS:
             raise CorruptBitstream("a chunk stands where it may not", offset=head.offset)
         self.container.payload(head)
 

@@ -71,6 +71,27 @@ class FrameState:
     order: Plane | None = None
     verbatim: GaussianCloud | None = field(default=None, compare=False)
 
+    def take(self, rows: Int64) -> FrameState:
+        """Some of the Gaussians, their places in the output closed up."""
+        planes = {attribute: Plane(plane.values[rows]) for attribute, plane in self.planes.items()}
+        order = None if self.order is None else Plane(ranks(self.order.values[rows, 0])[:, None])
+        return FrameState(planes, order)
+
+    def merge(self, births: FrameState, source: Int64) -> FrameState:
+        """With `births`: row i of the result is row source[i] of these and those.
+
+        In the output they come behind all others, where places are kept at all.
+        """
+        planes = {
+            attribute: Plane(np.concatenate([plane.values, births.planes[attribute].values])[source])
+            for attribute, plane in self.planes.items()
+        }
+        if self.order is None:
+            return FrameState(planes)
+        behind = np.arange(len(self.order.values), len(source))
+        places = np.concatenate([self.order.values[:, 0], behind])[source]
+        return FrameState(planes, Plane(places[:, None]))
+
     @property
     def num_gaussians(self) -> int:
         """N."""
@@ -87,6 +108,13 @@ class FrameState:
             for array in verbatim_columns(self.verbatim):
                 digest.update(array.astype("<f4", copy=False).tobytes())
         return digest.digest()
+
+
+def ranks(places: npt.NDArray[np.integer]) -> Int64:
+    """Rank of each of N different integers: 0 for the smallest."""
+    result = np.empty(len(places), np.int64)
+    result[np.argsort(places, kind="stable")] = np.arange(len(places))
+    return result
 
 
 def verbatim_columns(cloud: GaussianCloud) -> list[npt.NDArray[np.float32]]:

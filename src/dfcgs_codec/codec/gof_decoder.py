@@ -5,22 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, ChunkType, IntraKind, Tool
+from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
+from dfcgs_codec.bitstream.fields import at_most
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
-from dfcgs_codec.codec.compensation import Carried, ControlSource, GofMotion
+from dfcgs_codec.bitstream.topology_header import TopologyHeader
+from dfcgs_codec.codec.compensation import Carried
 from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.inter import InterShape, InterSymbols, code_inter
 from dfcgs_codec.codec.intra import IntraShape, code_intra
 from dfcgs_codec.codec.motion import NUM_MOTION_STREAMS, MotionSymbols, code_motion
-from dfcgs_codec.codec.reconstruct import gof_levels, reconstruct_inter, reconstruct_intra
+from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
 from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topology
 from dfcgs_codec.codec.verbatim import cloud_of_columns, code_verbatim, state_of
 from dfcgs_codec.errors import CorruptBitstream, VerificationError
-from dfcgs_codec.transform.lod import GofLevels
 
 
 class _Streams:
@@ -68,62 +71,47 @@ def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHead
     return reconstruct_intra(symbols, header.steps)
 
 
-@dataclass(frozen=True)
-class _Moved:
-    """A P-frame's motion, decoded and applied."""
-
-    motion: GofMotion
-    symbols: MotionSymbols
-    carried: Carried
-
-
 class GofDecoder:
-    """Decodes the frames of one GoF in turn; holds the reference and the previous frame's symbols."""
+    """Decodes the frames of one GoF in turn; holds what they leave behind."""
 
     def __init__(self, container: ContainerReader, check: bool) -> None:
         self._container = container
         self._sequence = container.sequence
         self._check = check
-        self._reference: FrameState | None = None
-        self._levels: GofLevels | None = None
-        self._control: ControlSource | None = None
-        self._motion: GofMotion | None = None
-        self._history = InterSymbols()
+        self._state: GofState | None = None
 
     def intra(self, head: ChunkHead) -> FrameState:
         """Decode an INTRA_FRAME chunk."""
         reader = self._container.payload(head)
         header = IntraHeader.read(reader, self._sequence)
-        self._history = InterSymbols()
-        state = decode_intra(reader, header, self._sequence)
-        self._levels = gof_levels(state, header.steps)
-        self._control = ControlSource(state.planes[Attribute.POSITION], header.control)
-        self._motion = None
-        return self._keep(state, header.frame_hash, head)
+        frame = decode_intra(reader, header, self._sequence)
+        return self._keep(GofState.of_intra(frame, header.control, header.steps), header.frame_hash, head)
 
     def inter(self, head: ChunkHead, next_chunk: Callable[[], ChunkHead]) -> FrameState:
         """Decode an INTER_FRAME chunk and the chunks that belong to it."""
-        if self._reference is None or self._levels is None:
+        state = self._state
+        if state is None:
             raise CorruptBitstream("a P-frame without an I-frame before it", offset=head.offset)
         reader = self._container.payload(head)
         header = InterHeader.read(reader, self._sequence)
         reader.expect_end("the P-frame header")
-        reference, moved = self._reference, None
-        predicted = reference
+        topology = None
+        if Tool.TOPOLOGY in header.tools:
+            chunk = self._open(head, next_chunk(), ChunkType.TOPOLOGY)
+            topology = _Topology.read(chunk, self._sequence, state.frame.num_gaussians)
+            state = state.survivors(topology.symbols.kept, header.block_log2)
+        carried = None
         if Tool.MOTION in header.tools:
-            moved = self._motion_chunk(head, next_chunk(), header.block_log2)
-            predicted = moved.carried.state
+            chunk = self._open(head, next_chunk(), ChunkType.MOTION)
+            carried = _read_motion(chunk, state, header.block_log2)
         symbols = InterSymbols()
         if header.steps:
-            activity = None if moved is None else moved.symbols.activity()
-            shape = InterShape(
-                sorted(header.steps), reference.num_gaussians, header.block_log2, self._levels, activity
-            )
-            symbols = self._residual(head, next_chunk(), shape)
-        state = reconstruct_inter(symbols, header.steps, predicted)
-        self._history = symbols
-        if moved is not None:
-            self._motion = moved.motion.after(moved.carried, moved.symbols, (reference, state))
+            chunk = self._open(head, next_chunk(), ChunkType.RESIDUAL)
+            symbols = _read_residual(chunk, state, header, None if carried is None else carried[1])
+        predicted = state.frame if carried is None else carried[0].state
+        state = state.after(reconstruct_inter(symbols, header.steps, predicted), symbols, carried)
+        if topology is not None:
+            state = topology.finish(state, header.block_log2)
         return self._keep(state, header.frame_hash, head)
 
     def _open(self, head: ChunkHead, chunk: ChunkHead, kind: ChunkType) -> ByteReader:
@@ -132,31 +120,64 @@ class GofDecoder:
             raise CorruptBitstream(f"a P-frame lacks its {kind.name} chunk", offset=chunk.offset)
         return self._container.payload(chunk)
 
-    def _motion_chunk(self, head: ChunkHead, chunk: ChunkHead, block_log2: int) -> _Moved:
-        assert self._reference is not None
-        assert self._control is not None
-        reader = self._open(head, chunk, ChunkType.MOTION)
-        motion = self._motion or self._control.motion()
-        header = MotionHeader.read(reader, motion.field.num_points)
-        streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)))
-        shape = motion.shape(header, block_log2)
-        symbols = code_motion(streams.next, None, motion.history(block_log2), shape)
-        streams.close()
-        return _Moved(motion, symbols, motion.carry(header, symbols, self._reference))
-
-    def _residual(self, head: ChunkHead, chunk: ChunkHead, shape: InterShape) -> InterSymbols:
-        reader = self._open(head, chunk, ChunkType.RESIDUAL)
-        streams = _Streams(reader, tuple(reader.uvarint() for _ in shape.attributes))
-        symbols = code_inter(streams.next, None, self._history, shape)
-        streams.close()
-        return symbols
-
-    def _keep(self, state: FrameState, frame_hash: bytes, head: ChunkHead) -> FrameState:
-        if self._check and state.hash() != frame_hash:
+    def _keep(self, state: GofState, frame_hash: bytes, head: ChunkHead) -> FrameState:
+        if self._check and state.frame.hash() != frame_hash:
             raise VerificationError(
                 f"frame {head.frame_index} decodes to other values than its encoder had: "
                 "please report this file",
                 offset=head.offset,
             )
-        self._reference = state
+        self._state = state
+        return state.frame
+
+
+@dataclass(frozen=True)
+class _Topology:
+    """A TOPOLOGY chunk, up to its permutation, which cannot be read before the frame is there."""
+
+    header: TopologyHeader
+    symbols: TopologySymbols
+    streams: _Streams
+
+    @staticmethod
+    def read(reader: ByteReader, sequence: SequenceHeader, num_gaussians: int) -> _Topology:
+        offset = reader.offset
+        header = TopologyHeader.read(reader, sequence)
+        at_most(header.num_removals, num_gaussians - 1, "num_removals", offset)
+        count = num_gaussians - header.num_removals + header.num_births
+        at_most(count, sequence.limits.max_gaussians, "num_gaussians", offset)
+        streams = _Streams(reader, tuple(reader.uvarint() for _ in range(header.num_streams)))
+        symbols = code_topology(streams.next, None, header, num_gaussians)
+        return _Topology(header, symbols, streams)
+
+    def finish(self, state: GofState, block_log2: int) -> GofState:
+        """Add births and put all in their places."""
+        if self.symbols.births is not None:
+            births = reconstruct_intra(self.symbols.births, self.header.steps)
+            state = state.with_births(births, state.places_of_births(births), block_log2)
+        if self.header.has_permutation:
+            state = state.in_places(code_places(self.streams.next(), None, state.expected_places()))
+        self.streams.close()
         return state
+
+
+def _read_motion(reader: ByteReader, state: GofState, block_log2: int) -> tuple[Carried, MotionSymbols]:
+    motion = state.motion()
+    header = MotionHeader.read(reader, motion.field.num_points)
+    streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)))
+    shape = motion.shape(header, block_log2)
+    symbols = code_motion(streams.next, None, motion.history(block_log2), shape)
+    streams.close()
+    return motion.carry(header, symbols, state.frame), symbols
+
+
+def _read_residual(
+    reader: ByteReader, state: GofState, header: InterHeader, moved: MotionSymbols | None
+) -> InterSymbols:
+    activity = None if moved is None else moved.activity()
+    attributes, count = sorted(header.steps), state.frame.num_gaussians
+    shape = InterShape(attributes, count, header.block_log2, state.levels, activity)
+    streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes))
+    symbols = code_inter(streams.next, None, state.history, shape)
+    streams.close()
+    return symbols

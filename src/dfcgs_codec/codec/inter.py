@@ -68,6 +68,15 @@ class AttributeActivity:
         zero = np.zeros(num_blocks, np.int64)
         return AttributeActivity(np.zeros((num_gaussians, num_columns), np.int64), zero, zero)
 
+    def merged(self, num_births: int, source: Int64, num_blocks: int) -> AttributeActivity:
+        """The same after Gaussians went and came, blocks forgotten.
+
+        Row i of the result is row source[i] of these and of births, which have no symbols.
+        """
+        births = np.zeros((num_births, self.symbols.shape[1]), np.int64)
+        zero = np.zeros(num_blocks, np.int64)
+        return AttributeActivity(np.concatenate([self.symbols, births])[source], zero, zero)
+
     def significant(self) -> Bool:
         """Whether each Gaussian has a symbol other than zero."""
         return nonzero_rows(self.symbols)
@@ -78,6 +87,11 @@ class InterSymbols:
     """What a P-frame carries: for each attribute present its symbols and block classes."""
 
     activity: dict[Attribute, AttributeActivity] = field(default_factory=dict)
+
+    def merged(self, num_births: int, source: Int64, block_log2: int) -> InterSymbols:
+        """See AttributeActivity.merged."""
+        blocks = num_blocks(len(source), block_log2)
+        return InterSymbols({a: x.merged(num_births, source, blocks) for a, x in self.activity.items()})
 
 
 def num_inter_columns(attribute: Attribute) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.codec.component import EarlierPasses, code_component
-from dfcgs_codec.codec.inter import AttributeActivity
+from dfcgs_codec.codec.inter import AttributeActivity, num_blocks
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
 from dfcgs_codec.entropy.symbols import Groups, code_with_models
 from dfcgs_codec.transform.lod import order_levels
@@ -39,6 +39,11 @@ class MotionSymbols:
         """Who moved, as context of the first residual stream."""
         follows = self.follows.astype(np.int64)[:, None]
         return AttributeActivity(follows, self.modes, np.zeros(len(self.modes), np.int64))
+
+    def merged(self, num_births: int, source: Int64, block_log2: int) -> MotionSymbols:
+        """After Gaussians went and came; births followed nobody, modes are forgotten."""
+        follows = np.concatenate([self.follows, np.zeros(num_births, np.bool_)])[source]
+        return MotionSymbols(self.control, np.zeros(num_blocks(len(follows), block_log2), np.int64), follows)
 
     @staticmethod
     def none(num_points: int, num_gaussians: int, num_blocks: int) -> MotionSymbols:

@@ -20,8 +20,6 @@ from dfcgs_codec.codec.binding import Binding
 from dfcgs_codec.codec.reconstruct import scaled
 from dfcgs_codec.transform.control_points import (
     MAX_CONTROL_POINTS,
-    Gathering,
-    control_cells,
     distinct_points,
     farthest_points,
     gather_from,
@@ -93,7 +91,6 @@ class MotionField:
     """
 
     gaussians: Int64
-    cells: Int64
     pivots: Int64
     parents: list[Binding]
     history: MotionHistory
@@ -104,9 +101,8 @@ class MotionField:
         return len(self.gaussians)
 
     @staticmethod
-    def of(positions: Int64, control: ControlHeader) -> MotionField:
+    def of(positions: Int64, cells: Int64, control: ControlHeader) -> MotionField:
         """Control points of I-frame `positions` (N, 3): one for every `spacing` Gaussians, at least one."""
-        cells = control_cells(positions, control.shift)
         count = min(max(1, len(positions) // control.spacing), MAX_CONTROL_POINTS)
         if control.rule == ControlRule.FARTHEST:
             points = farthest_points(cells, count)
@@ -117,11 +113,7 @@ class MotionField:
         parents = [
             Binding.of(gather_from(chosen[start:end], chosen[:start])) for start, end in pairwise(starts[1:])
         ]
-        return MotionField(points, chosen, positions[points], parents, _rest(len(points)))
-
-    def gather(self, positions: Int64, shift: int) -> Gathering:
-        """Who of the GoF's Gaussians follows which control points."""
-        return gather_from(control_cells(positions, shift), self.cells)
+        return MotionField(points, positions[points], parents, _rest(len(points)))
 
     def move(self, header: MotionHeader, symbols: SymbolSource) -> FieldMotion:
         """Motion of all control points, level by level: prediction plus steps times what `symbols` gives."""

@@ -12,6 +12,7 @@ from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
+from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.errors import CorruptBitstream
 
 #: longer than any frame header
@@ -111,6 +112,15 @@ def _inter(
     return FrameInfo(head.frame_index, number, kind, count, head.end - head.offset), sorted(header.steps)
 
 
+def _topology(reader: ByteReader, head: ChunkHead, info: SequenceInfo) -> None:
+    """Births are counted; how many went is known to a decoder only."""
+    header = TopologyHeader.read(reader, info.header)
+    frame, size = info.frames[-1], head.end - head.offset
+    frame.num_bytes += size
+    frame.attribute_bytes[ChunkType.TOPOLOGY.name] = size
+    frame.num_gaussians += header.num_births - header.num_removals
+
+
 def _collect(container: ContainerReader, info: SequenceInfo) -> None:
     numbers = info.header.frame_numbers.expand()
     attributes: list[Attribute] = []
@@ -127,6 +137,8 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
         elif kind == ChunkType.INTER_FRAME:
             frame, attributes = _inter(reader, head, info, number)
             info.frames.append(frame)
+        elif kind == ChunkType.TOPOLOGY and info.frames:
+            _topology(reader, head, info)
         elif kind == ChunkType.MOTION and info.frames:
             info.frames[-1].num_bytes += size
             info.frames[-1].attribute_bytes[kind.name] = size

@@ -35,20 +35,31 @@ _EXCHANGES = {
 class AxisNames:
     """New axis j of a Gaussian is its old axis order[j]; rotations are multiplied by `turns`, Q1.24.
 
-    `order` (N, 3), `turns` (N, 4), in input order.
+    `order` (N, 3), `turns` (N, 4).
     """
 
     order: Int64
     turns: Int64
 
+    def take(self, rows: Int64) -> AxisNames:
+        """Those of some Gaussians."""
+        return AxisNames(self.order[rows], self.turns[rows])
+
+    def merge(self, births: AxisNames, source: Int64) -> AxisNames:
+        """With those of `births`: row i of the result is row source[i] of these and those."""
+        return AxisNames(
+            np.concatenate([self.order, births.order])[source],
+            np.concatenate([self.turns, births.turns])[source],
+        )
+
     def rename(self, planes: Planes) -> Planes:
-        """The same Gaussians under their new names; planes in input order."""
+        """The same Gaussians under their new names; rows of planes as those of the names."""
         scales = np.take_along_axis(planes[Attribute.SCALE], self.order, axis=1)
         rotations = normalise(multiply(planes[Attribute.ROTATION], self.turns))
         return planes | {Attribute.SCALE: scales, Attribute.ROTATION: rotations}
 
     def rename_cloud(self, cloud: GaussianCloud) -> GaussianCloud:
-        """The same for float values, in input order: what decoded values are to be compared with."""
+        """The same for float values: what decoded values are to be compared with."""
         scales = np.take_along_axis(cloud.scales, self.order, axis=1)
         wide = cloud.rotations.astype(np.float64)
         # their length carries no meaning, and a long one would overflow float32 below

@@ -14,9 +14,10 @@ from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, EncoderOptions
 from dfcgs_codec.encoder.parallel import code_in_parallel
+from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.rate_control import plan_quantisation
 from dfcgs_codec.encoder.report import EncodeReport
-from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder, SequencePlan
+from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import replace_when_whole
 from dfcgs_codec.sequence import FrameSource

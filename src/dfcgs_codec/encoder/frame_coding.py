@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -17,39 +17,53 @@ from dfcgs_codec.bitstream.frame_headers import (
     coded_attributes,
 )
 from dfcgs_codec.bitstream.io import ByteWriter
-from dfcgs_codec.codec.compensation import ControlSource, GofMotion
+from dfcgs_codec.bitstream.topology_header import TopologyHeader
+from dfcgs_codec.codec.compensation import GofMotion
 from dfcgs_codec.codec.dpb import FrameState, Plane, verbatim_columns
+from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.inter import InterShape, InterSymbols, code_inter
 from dfcgs_codec.codec.intra import IntraShape, IntraSymbols, code_intra
 from dfcgs_codec.codec.motion import code_motion
-from dfcgs_codec.codec.reconstruct import gof_levels, reconstruct_inter, reconstruct_intra
+from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
+from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topology
 from dfcgs_codec.codec.verbatim import VerbatimSymbols, code_verbatim
 from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.streams import Streams
-from dfcgs_codec.transform.lod import GofLevels
 
 Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class CodedFrame:
-    """A frame's chunks, the state that a decoder will have, and the symbols for the next frame."""
+    """A frame's chunks, and what a decoder will hold after it.
+
+    `source`: which row of survivors, then births, stands where; None where there are no births.
+    """
 
     data: bytes
     kind: str
-    state: FrameState
-    levels: GofLevels
-    control: ControlSource
-    history: InterSymbols = field(default_factory=InterSymbols)
-    moved: GofMotion | None = None
-
-    def motion(self) -> GofMotion:
-        """The motion of the GoF so far."""
-        return self.moved or self.control.motion()
+    state: GofState
+    source: Int64 | None = None
 
 
-def _source(state: FrameState, control: ControlHeader) -> ControlSource:
-    return ControlSource(state.planes[Attribute.POSITION], control)
+@dataclass(frozen=True)
+class TopologyChange:
+    """Who goes and comes in a frame, of `num_before` Gaussians, and how births are coded.
+
+    `inputs`: index in the input of survivors, then births, where the output is to come in that order.
+    """
+
+    symbols: TopologySymbols
+    num_before: int
+    sort_grid: SortGrid | None
+    steps: dict[Attribute, int]
+    inputs: Int64 | None = None
+
+    @property
+    def num_births(self) -> int:
+        """How many come."""
+        births = self.symbols.births
+        return 0 if births is None else len(births.planes[Attribute.POSITION])
 
 
 def _intra_chunk(frame_index: int, header: IntraHeader, streams: list[bytes]) -> bytes:
@@ -79,7 +93,7 @@ def code_intra_frame(
     lengths = tuple(map(len, coded))
     header = IntraHeader(state.hash(), IntraKind.CODED, count, permuted, control, grid, used, lengths)
     chunk = _intra_chunk(frame_index, header, coded)
-    return CodedFrame(chunk, "I", state, gof_levels(state, used), _source(state, control))
+    return CodedFrame(chunk, "I", GofState.of_intra(state, control, used))
 
 
 def code_verbatim_frame(
@@ -99,7 +113,7 @@ def code_verbatim_frame(
     lengths = tuple(map(len, coded))
     header = IntraHeader(ordered.hash(), IntraKind.PLY, count, permuted, control, None, {}, lengths)
     chunk = _intra_chunk(frame_index, header, coded)
-    return CodedFrame(chunk, "I", ordered, gof_levels(ordered, {}), _source(ordered, control))
+    return CodedFrame(chunk, "I", GofState.of_intra(ordered, control, {}))
 
 
 def _chunk_of_streams(kind: ChunkType, frame_index: int, head: ByteWriter, streams: list[bytes]) -> bytes:
@@ -120,32 +134,65 @@ def _motion_chunk(frame_index: int, motion: GofMotion, trial: MotionTrial, block
     return _chunk_of_streams(ChunkType.MOTION, frame_index, writer, streams.finish())
 
 
+def _residual_chunk(frame_index: int, symbols: InterSymbols, state: GofState, shape: InterShape) -> bytes:
+    streams = Streams()
+    code_inter(streams.next, symbols, state.history, shape)
+    return _chunk_of_streams(ChunkType.RESIDUAL, frame_index, ByteWriter(), streams.finish())
+
+
+def _topology(
+    frame_index: int, change: TopologyChange, state: GofState, block_log2: int
+) -> tuple[bytes, GofState, Int64 | None]:
+    """The chunk, and `state`, the survivors' after the frame, with births and all in their places."""
+    births, streams, source, places = change.symbols.births, Streams(), None, None
+    num_removals = change.num_before - len(change.symbols.kept)
+    if births is not None:
+        born = reconstruct_intra(births, change.steps)
+        source = state.places_of_births(born)
+        state = state.with_births(born, source, block_log2)
+    if change.inputs is not None:
+        places = change.inputs if source is None else change.inputs[source]
+    has_places = places is not None and not np.array_equal(places, state.expected_places())
+    header = TopologyHeader(num_removals, has_places, change.num_births, change.sort_grid, change.steps)
+    code_topology(streams.next, change.symbols, header, change.num_before)
+    if has_places:
+        state = state.in_places(code_places(streams.next(), places, state.expected_places()))
+    writer = ByteWriter()
+    header.write(writer)
+    return _chunk_of_streams(ChunkType.TOPOLOGY, frame_index, writer, streams.finish()), state, source
+
+
 def code_inter_frame(
     frame_index: int,
     symbols: InterSymbols,
-    before: CodedFrame,
+    before: GofState,
     coding: tuple[dict[Attribute, int], int],
     trial: MotionTrial | None = None,
+    change: TopologyChange | None = None,
 ) -> CodedFrame:
-    """A P-frame after the frame `before`, moved by `trial`; `coding` is (steps, block_log2)."""
+    """A P-frame after the frame that left `before`; `coding` is (steps, block_log2).
+
+    With a `change`, `before`, `symbols` and `trial` are those of the survivors.
+    """
     steps, block_log2 = coding
     used = {attribute: steps[attribute] for attribute in sorted(symbols.activity)}
-    predicted = before.state if trial is None else trial.carried.state
-    state = reconstruct_inter(symbols, used, predicted)
-    tools = frozenset([Tool.MOTION] if trial else [])
-    writer = ByteWriter()
-    InterHeader(state.hash(), tools, block_log2, used).write(writer)
-    data = write_chunk(ChunkType.INTER_FRAME, frame_index, writer.getvalue())
-    moved, activity = before.moved, None
+    chunks: list[bytes] = []
+    activity, carried, source = None, None, None
+    predicted = before.frame
     if trial is not None:
-        motion = before.motion()
-        data += _motion_chunk(frame_index, motion, trial, block_log2)
-        moved = motion.after(trial.carried, trial.symbols, (before.state, state))
-        activity = trial.symbols.activity()
+        chunks.append(_motion_chunk(frame_index, before.motion(), trial, block_log2))
+        predicted, activity = trial.carried.state, trial.symbols.activity()
+        carried = (trial.carried, trial.symbols)
     if used:
-        streams = Streams()
-        shape = InterShape(list(used), state.num_gaussians, block_log2, before.levels, activity)
-        code_inter(streams.next, symbols, before.history, shape)
-        data += _chunk_of_streams(ChunkType.RESIDUAL, frame_index, ByteWriter(), streams.finish())
-    kind = "P" if used or tools else "skip"
-    return CodedFrame(data, kind, state, before.levels, before.control, symbols, moved)
+        shape = InterShape(list(used), predicted.num_gaussians, block_log2, before.levels, activity)
+        chunks.append(_residual_chunk(frame_index, symbols, before, shape))
+    state = before.after(reconstruct_inter(symbols, used, predicted), symbols, carried)
+    if change is not None:
+        chunk, state, source = _topology(frame_index, change, state, block_log2)
+        chunks.insert(0, chunk)
+    present = {Tool.MOTION: trial, Tool.TOPOLOGY: change}
+    tools = frozenset(tool for tool, used_for in present.items() if used_for is not None)
+    writer = ByteWriter()
+    InterHeader(state.frame.hash(), tools, block_log2, used).write(writer)
+    data = write_chunk(ChunkType.INTER_FRAME, frame_index, writer.getvalue()) + b"".join(chunks)
+    return CodedFrame(data, "P" if chunks else "skip", state, source)

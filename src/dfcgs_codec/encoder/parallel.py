@@ -13,7 +13,8 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from types import FrameType
 
-from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder, SequencePlan
+from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.sequence import FrameSource
 

@@ -11,15 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder
-from dfcgs_codec.bitstream.frame_headers import ControlHeader
-from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.dpb import output
-from dfcgs_codec.codec.inter import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import (
     Planes,
-    ZeroBin,
-    inter_symbols,
     intra_symbols,
     order_of,
     plan_grid,
@@ -27,13 +22,12 @@ from dfcgs_codec.encoder.analysis import (
 from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
 from dfcgs_codec.encoder.frame_coding import (
     CodedFrame,
-    code_inter_frame,
     code_intra_frame,
     code_verbatim_frame,
 )
-from dfcgs_codec.encoder.motion_choice import MotionTask, MotionTrial, choose_motion
-from dfcgs_codec.encoder.options import EncoderOptions, MotionMode
-from dfcgs_codec.encoder.rate_control import Quantisation
+from dfcgs_codec.encoder.identity import Members, Succession, found_members, same_members
+from dfcgs_codec.encoder.inter_coding import InterCoder, InterTask
+from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.report import EncodeReport, FrameRecord
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.triage import is_tracked
@@ -42,23 +36,10 @@ from dfcgs_codec.sequence import FrameSource
 from dfcgs_codec.transform.rotation import round_divide
 
 Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
 
-#: log2 of the Gaussians in a significance block
-BLOCK_LOG2 = 6
 #: a P-frame that costs more than this share of the last I-frame has an I-frame tried beside it
 _TRY_INTRA_SHARE = 0.7
-#: motion that seems to save less than this share of the bits is compared with none for real
-_SURE_SHARE = 0.15
-
-
-@dataclass(frozen=True)
-class SequencePlan:
-    """What is settled before the first frame is coded; `anchors[i]` is the first frame of frame i's run."""
-
-    header: SequenceHeader
-    quantisation: Quantisation
-    options: EncoderOptions
-    anchors: list[int]
 
 
 @dataclass(frozen=True)
@@ -87,22 +68,18 @@ class _Anchor:
 
 
 @dataclass(frozen=True)
-class _Gof:
-    """What holds for the GoF being coded: order of its Gaussians and their axis names."""
-
-    order: Int64
-    names: AxisNames | None
-
-
-@dataclass(frozen=True)
 class _Loop:
-    """The closed loop after a frame: what was coded, what it should have been, and from which input."""
+    """The closed loop after a frame: what was coded, who its Gaussians are, what they should have been.
+
+    `moved` (N, 3): how far they went from the input frame before, or None.
+    """
 
     coded: CodedFrame
-    gof: _Gof
+    members: Members
     target: Planes
     cloud: GaussianCloud
     intra_bytes: int
+    moved: Float64 | None = None
 
 
 class SegmentEncoder:
@@ -112,6 +89,7 @@ class SegmentEncoder:
         self._source = source
         self._plan = plan
         self._targets = Targets(plan.header.unit_exponents)
+        self._inter_coder = InterCoder(plan)
         self._anchors: dict[int, _Anchor] = {}
 
     def encode(self, start: int, stop: int) -> CodedSegment:
@@ -129,58 +107,47 @@ class SegmentEncoder:
         return segment
 
     def _next(self, index: int, cloud: GaussianCloud, before: _Loop | None) -> _Loop:
-        """P or I, whichever is smaller; I is tried only where P is large or cannot be."""
+        """P or I, whichever is smallest; I is tried only where P is large or cannot be."""
         planes = self._targets.planes(cloud)
-        inter = None
-        if before is not None and is_tracked(before.cloud, cloud):
-            inter = self._inter(index, (cloud, planes), before)
-            if len(inter.coded.data) <= _TRY_INTRA_SHARE * before.intra_bytes:
-                return inter
-        intra = self._intra(index, cloud, planes)
-        if inter is not None and len(inter.coded.data) <= len(intra.coded.data):
-            return inter
-        return intra
+        found: list[_Loop] = []
+        limit = 0.0
+        if before is not None:
+            limit = _TRY_INTRA_SHARE * before.intra_bytes
+            if is_tracked(before.cloud, cloud):
+                found.append(self._inter(index, (cloud, planes), before, same_members(before.members)))
+            if not found or len(found[0].coded.data) > limit:
+                succession = found_members(before.members, before.cloud, cloud, before.moved)
+                if succession is not None:
+                    found.append(self._inter(index, (cloud, planes), before, succession))
+        if not found or min(len(loop.coded.data) for loop in found) > limit:
+            found.append(self._intra(index, cloud, planes))
+        return min(found, key=lambda loop: len(loop.coded.data))
 
-    def _target(self, planes: Planes, gof: _Gof) -> Planes:
-        renamed = planes if gof.names is None else gof.names.rename(planes)
-        return ordered(renamed, gof.order)
-
-    def _inter(self, index: int, frame: tuple[GaussianCloud, Planes], before: _Loop) -> _Loop:
+    def _inter(
+        self, index: int, frame: tuple[GaussianCloud, Planes], before: _Loop, succession: Succession
+    ) -> _Loop:
         cloud, planes = frame
-        target = self._target(planes, before.gof)
-        trial = self._motion(target, before)
-        coded = self._code_inter(index, target, before, trial)
-        if trial is not None and trial.saved < _SURE_SHARE and self._plan.options.motion == MotionMode.AUTO:
-            rest = self._code_inter(index, target, before, None)
-            coded = min(coded, rest, key=lambda found: len(found.data))
-        return _Loop(coded, before.gof, target, cloud, before.intra_bytes)
-
-    def _code_inter(self, index: int, target: Planes, before: _Loop, trial: MotionTrial | None) -> CodedFrame:
-        quantisation, options = self._plan.quantisation, self._plan.options
-        reference = before.coded.state
-        coding = (quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2)
-        states = (reference, reference if trial is None else trial.carried.state)
-        symbols = InterSymbols()
-        if options.motion != MotionMode.ONLY:
-            symbols = inter_symbols(target, before.target, states, coding)
-        return code_inter_frame(index, symbols, before.coded, (quantisation.steps, BLOCK_LOG2), trial)
-
-    def _motion(self, target: Planes, before: _Loop) -> MotionTrial | None:
-        mode = self._plan.options.motion
-        if mode == MotionMode.OFF:
-            return None
-        moving = (Attribute.POSITION, Attribute.ROTATION)
-        changed = np.logical_or(*(nonzero_rows(target[a] - before.target[a]) for a in moving))
-        if not changed.any():
-            return None
-        steps, forced = self._plan.quantisation.steps, mode in (MotionMode.ON, MotionMode.ONLY)
-        coded = before.coded
-        return choose_motion(
-            MotionTask(coded.motion(), coded.state, target, changed, steps, BLOCK_LOG2, forced)
-        )
+        members, kept = succession.members, succession.kept
+        state = before.coded.state
+        births = self._inter_coder.births(succession, planes, state)
+        if births is not None:
+            state = state.survivors(kept, BLOCK_LOG2)
+        target_before = before.target if succession.all_survive else ordered(before.target, kept)
+        task = InterTask(index, members.target(planes), target_before, state, births)
+        coded = self._inter_coder.code(task)
+        unit = 2.0**self._plan.header.unit_exponents.position
+        went = task.target[Attribute.POSITION] - task.before[Attribute.POSITION]
+        moved: Float64 = went.astype(np.float64) * unit
+        target = task.target
+        if births is not None and coded.source is not None:
+            source = coded.source
+            members = members.merge(births.members, source)
+            target = {a: np.concatenate([v, births.target[a]])[source] for a, v in target.items()}
+            moved = np.concatenate([moved, np.zeros((len(births.members.rows), 3))])[source]
+        return _Loop(coded, members, target, cloud, before.intra_bytes, moved)
 
     def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> _Loop:
-        options, steps = self._plan.options, self._plan.quantisation.steps
+        options, steps = self._plan.options, self._plan.steps
         anchor = self._anchor(index)
         tracked = is_tracked(anchor.cloud, cloud)
         indices = round_divide(planes[Attribute.POSITION], steps[Attribute.POSITION])
@@ -189,21 +156,17 @@ class SegmentEncoder:
         permutation = self._permutation(order, anchor if tracked else None)
         if options.intra == IntraKind.PLY:
             state = state_of(cloud.take(order), self._plan.header.unit_exponents)
-            coded = code_verbatim_frame(index, state, permutation, self._control())
-            return _Loop(coded, _Gof(order, None), wide_planes(state), cloud, len(coded.data))
+            coded = code_verbatim_frame(index, state, permutation, self._plan.control)
+            return _Loop(coded, Members(order, None), wide_planes(state), cloud, len(coded.data))
         names = None
         if not options.keep_axes:
             names = anchor.names if tracked else choose_axis_names(planes)
-        gof = _Gof(order, names)
-        target = self._target(planes, gof)
+        members = Members(order, None if names is None else names.take(order))
+        target = members.target(planes)
         coded = code_intra_frame(
-            index, intra_symbols(target, steps, permutation), grid, steps, self._control()
+            index, intra_symbols(target, steps, permutation), grid, steps, self._plan.control
         )
-        return _Loop(coded, gof, target, cloud, len(coded.data))
-
-    def _control(self) -> ControlHeader:
-        options, step = self._plan.options, self._plan.quantisation.steps[Attribute.POSITION]
-        return ControlHeader(options.control_rule, options.control_spacing, step.bit_length() - 1)
+        return _Loop(coded, members, target, cloud, len(coded.data))
 
     def _permutation(self, order: Int64, anchor: _Anchor | None) -> Int64 | None:
         """Place in the output of each Gaussian in GoF order; None where that is the GoF order."""
@@ -221,7 +184,7 @@ class SegmentEncoder:
         if first not in self._anchors:
             cloud, _ = self._source.read(first)
             planes = self._targets.planes(cloud)
-            step = self._plan.quantisation.steps[Attribute.POSITION]
+            step = self._plan.steps[Attribute.POSITION]
             indices = round_divide(planes[Attribute.POSITION], step)
             rank = np.empty(len(indices), np.int64)
             rank[order_of(indices, plan_grid(indices))] = np.arange(len(indices))
@@ -230,9 +193,8 @@ class SegmentEncoder:
 
     def _record(self, segment: CodedSegment, index: int, loop: _Loop) -> None:
         """Measure the frame's errors as a decoder will have it, against the input under its axis names."""
-        names, frame = loop.gof.names, loop.coded
-        source = loop.cloud if names is None else names.rename_cloud(loop.cloud)
-        decoded = output(replace(frame.state, order=None), self._plan.header.unit_exponents)
+        frame = loop.coded
+        decoded = output(replace(frame.state.frame, order=None), self._plan.header.unit_exponents)
         number = self._source.numbers[index]
-        record = FrameRecord(number, frame.kind, source.num_gaussians, len(frame.data))
-        segment.report.add_frame(record, source.take(loop.gof.order), decoded)
+        record = FrameRecord(number, frame.kind, loop.cloud.num_gaussians, len(frame.data))
+        segment.report.add_frame(record, loop.members.source(loop.cloud), decoded)

@@ -28,9 +28,8 @@ _SPARE = 4
 _MAX_DISTANCES = 4_000_000
 
 
-def control_cells(positions: Int64, shift: int) -> Int64:
-    """Cells (N, 3) that control points are chosen on: positions about that of Gaussian N // 2, clipped."""
-    center = positions[len(positions) >> 1]
+def control_cells(positions: Int64, center: Int64, shift: int) -> Int64:
+    """Cells (N, 3) that control points are chosen on: `positions` about `center`, clipped."""
     cells: Int64 = np.clip((positions - center) >> shift, -CELL_LIMIT, CELL_LIMIT)
     return cells
 

@@ -121,6 +121,14 @@ class GofLevels:
         self._positions = positions
         self._all: LevelsOfDetail | None = None
 
+    def take(self, rows: Int64) -> GofLevels:
+        """The same for some of the Gaussians."""
+        return GofLevels(self._positions[rows])
+
+    def merge(self, positions: Int64, source: Int64) -> GofLevels:
+        """With Gaussians at `positions` more: row i of the result is row source[i] of these and those."""
+        return GofLevels(np.concatenate([self._positions, positions])[source])
+
     def of(self, count: int) -> LevelsOfDetail:
         """Levels for `count` of the Gaussians."""
         if count < len(self._positions):

@@ -106,10 +106,9 @@ def test_a_residual_belongs_to_its_frame(chunks: list[Chunk]) -> None:
         decode(wrong)
 
 
-@pytest.mark.parametrize("kind", [ChunkType.HYPERPRIOR, ChunkType.TOPOLOGY])
-def test_reserved_chunks_need_a_newer_decoder(chunks: list[Chunk], kind: ChunkType) -> None:
-    with pytest.raises(UnsupportedBitstream, match=kind.name):
-        decode([*chunks[:5], Chunk(kind, 1, b"future"), chunks[5]])
+def test_reserved_chunks_need_a_newer_decoder(chunks: list[Chunk]) -> None:
+    with pytest.raises(UnsupportedBitstream, match="HYPERPRIOR"):
+        decode([*chunks[:5], Chunk(ChunkType.HYPERPRIOR, 1, b"future"), chunks[5]])
 
 
 def test_an_unknown_ancillary_chunk_changes_nothing(chunks: list[Chunk]) -> None:

@@ -11,6 +11,7 @@ from dfcgs_codec import EncoderOptions
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.codec.decoder import SequenceDecoder
+from dfcgs_codec.encoder import inter_coding
 from dfcgs_codec.encoder import segment as segment_module
 from dfcgs_codec.encoder.encoder import plan_sequence
 from dfcgs_codec.encoder.frame_coding import CodedFrame
@@ -22,14 +23,18 @@ from tests.helpers import all_changing, drifting, make_cloud
 def coded_frames(monkeypatch: pytest.MonkeyPatch) -> list[CodedFrame]:
     """Collects every frame that the encoder codes from now on, tried ones too."""
     found: list[CodedFrame] = []
-    for name in ("code_intra_frame", "code_verbatim_frame", "code_inter_frame"):
-        original = getattr(segment_module, name)
+    for module, name in (
+        (segment_module, "code_intra_frame"),
+        (segment_module, "code_verbatim_frame"),
+        (inter_coding, "code_inter_frame"),
+    ):
+        original = getattr(module, name)
 
         def spy(*arguments: object, original=original) -> CodedFrame:
             found.append(original(*arguments))
             return found[-1]
 
-        monkeypatch.setattr(segment_module, name, spy)
+        monkeypatch.setattr(module, name, spy)
     return found
 
 
@@ -51,7 +56,7 @@ def test_states_are_equal_plane_by_plane(
     by_data = {coded.data: coded for coded in tried}
     chunks = [data for gof in segment.gofs for data in gof.frames]
     for data, decoded in zip(chunks, SequenceDecoder(file).frames(), strict=True):
-        kept = by_data[data].state
+        kept = by_data[data].state.frame
         assert kept.hash() == decoded.state.hash()
         assert list(kept.planes) == list(decoded.state.planes)
         for attribute, plane in kept.planes.items():

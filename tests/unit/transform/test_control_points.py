@@ -108,7 +108,7 @@ def test_a_point_on_a_control_point_follows_it_most() -> None:
     assert (gathering.weights[0] > 1 << (GATHER_WEIGHT_BITS - 1)).all()
 
 
-def test_cells_are_clipped_around_the_middle_gaussian() -> None:
+def test_cells_are_clipped_around_their_center() -> None:
     positions = np.array([[0, 0, 0], [64, -64, 7], [1 << 29, -(1 << 29), 0]])
-    cells = control_cells(positions, 3)
+    cells = control_cells(positions, positions[1], 3)
     assert cells.tolist() == [[-8, 8, -1], [0, 0, 0], [CELL_LIMIT, -CELL_LIMIT, -1]]

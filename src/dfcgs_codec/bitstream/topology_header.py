@@ -1,0 +1,53 @@
+"""Header of a TOPOLOGY chunk, `write` beside `read` (spec section 6.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.fields import read_bounded
+from dfcgs_codec.bitstream.frame_headers import SortGrid, coded_attributes, read_steps, write_steps
+from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
+from dfcgs_codec.bitstream.sequence_header import SequenceHeader
+
+
+@dataclass(frozen=True)
+class TopologyHeader:
+    """Which Gaussians go and come.
+
+    `num_births` Gaussians are coded like an I-frame with `sort_grid` and `steps`, absent where none come.
+    `has_permutation`: whether places in the output are coded.
+    """
+
+    num_removals: int
+    has_permutation: bool
+    num_births: int
+    sort_grid: SortGrid | None
+    steps: dict[Attribute, int]
+
+    @property
+    def num_streams(self) -> int:
+        """Streams of the chunk."""
+        return (self.num_removals > 0) + len(self.steps) + self.has_permutation
+
+    def write(self, writer: ByteWriter) -> None:
+        """All fields in order; grid and steps where there are births."""
+        writer.uvarint(self.num_removals)
+        writer.u8(int(self.has_permutation))
+        writer.uvarint(self.num_births)
+        if self.sort_grid is not None:
+            self.sort_grid.write(writer)
+            write_steps(writer, self.steps)
+
+    @staticmethod
+    def read(reader: ByteReader, sequence: SequenceHeader) -> TopologyHeader:
+        """Refuses removals and births above the level."""
+        limit = sequence.limits.max_gaussians
+        removals = read_bounded(reader.uvarint, limit, "num_removals", reader)
+        has_permutation = bool(read_bounded(reader.u8, 1, "has_permutation", reader))
+        births = read_bounded(reader.uvarint, limit, "num_births", reader)
+        if not births:
+            return TopologyHeader(removals, has_permutation, 0, None, {})
+        grid = SortGrid.read(reader)
+        steps = read_steps(reader, coded_attributes(sequence.sh_degree))
+        return TopologyHeader(removals, has_permutation, births, grid, steps)

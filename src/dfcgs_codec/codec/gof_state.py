@@ -1,0 +1,96 @@
+"""All that encoder and decoder hold after a frame of a GoF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.frame_headers import ControlHeader
+from dfcgs_codec.codec.compensation import Carried, ControlSource, GofMotion
+from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.codec.inter import InterSymbols
+from dfcgs_codec.codec.motion import MotionSymbols
+from dfcgs_codec.codec.reconstruct import gof_levels
+from dfcgs_codec.codec.topology import insertion
+from dfcgs_codec.transform.lod import GofLevels
+from dfcgs_codec.transform.rotation import round_divide
+
+Int64 = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class GofState:
+    """The decoded `frame`, its levels of detail, the symbols before, control points and their motion.
+
+    `position_step`: that of the I-frame, 1 where it has none.
+    """
+
+    frame: FrameState
+    levels: GofLevels
+    control: ControlSource
+    position_step: int
+    history: InterSymbols = field(default_factory=InterSymbols)
+    moved: GofMotion | None = None
+
+    @staticmethod
+    def of_intra(frame: FrameState, control: ControlHeader, steps: dict[Attribute, int]) -> GofState:
+        """After the GoF's I-frame."""
+        source = ControlSource(frame.planes[Attribute.POSITION], control)
+        return GofState(frame, gof_levels(frame, steps), source, steps.get(Attribute.POSITION, 1))
+
+    def motion(self) -> GofMotion:
+        """The motion of the GoF so far."""
+        return self.moved or self.control.motion()
+
+    def survivors(self, kept: Int64, block_log2: int) -> GofState:
+        """Without the Gaussians that are not among the rows `kept`."""
+        if len(kept) == self.frame.num_gaussians:
+            return replace(self, frame=replace(self.frame, verbatim=None))
+        return replace(
+            self,
+            frame=self.frame.take(kept),
+            levels=self.levels.take(kept),
+            history=self.history.merged(0, kept, block_log2),
+            moved=self.motion().survivors(kept, block_log2),
+        )
+
+    def after(
+        self, frame: FrameState, history: InterSymbols, carried: tuple[Carried, MotionSymbols] | None
+    ) -> GofState:
+        """After the next `frame`, which the symbols `history` led to, and motion, where it had any."""
+        moved = self.moved
+        if carried is not None:
+            moved = self.motion().after(*carried, (self.frame, frame))
+        return replace(self, frame=frame, history=history, moved=moved)
+
+    def places_of_births(self, births: FrameState) -> Int64:
+        """Which row of survivors, then births, stands where: births among those that are near."""
+        motion = self.motion()
+        cells = motion.cells_of(births.planes[Attribute.POSITION].wide())
+        return insertion(motion.keys(), motion.keys_of(cells))
+
+    def with_births(self, births: FrameState, source: Int64, block_log2: int) -> GofState:
+        """With Gaussians more: row i is row source[i] of those that are there and `births`."""
+        motion = self.motion()
+        positions = births.planes[Attribute.POSITION].wide()
+        cells = motion.cells_of(positions)
+        return replace(
+            self,
+            frame=self.frame.merge(births, source),
+            levels=self.levels.merge(round_divide(positions, self.position_step), source),
+            history=self.history.merged(len(positions), source, block_log2),
+            moved=motion.with_births(cells, source, block_log2),
+        )
+
+    def expected_places(self) -> Int64:
+        """Place in the output of each Gaussian, as they come."""
+        if self.frame.order is None:
+            return np.arange(self.frame.num_gaussians)
+        return self.frame.order.values[:, 0].astype(np.int64)
+
+    def in_places(self, places: Int64) -> GofState:
+        """With another order of the output."""
+        return replace(self, frame=replace(self.frame, order=Plane(places[:, None]), verbatim=None))

@@ -1,0 +1,82 @@
+"""The symbol walk of a frame's topology: who goes, who comes, in which order (spec section 15)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.topology_header import TopologyHeader
+from dfcgs_codec.codec.component import EarlierPasses, code_component
+from dfcgs_codec.codec.intra import IntraShape, IntraSymbols, code_intra
+from dfcgs_codec.codec.symbols import Int64, SymbolCoder
+from dfcgs_codec.entropy.symbols import Groups, code_with_models
+from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.transform.lod import order_levels
+
+Bool = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class TopologySymbols:
+    """What a TOPOLOGY chunk carries before the permutation, which `code_places` codes.
+
+    `kept` int64: rows of the reference frame that survive, ascending; `births`: like an I-frame, or None.
+    """
+
+    kept: Int64
+    births: IntraSymbols | None
+
+
+def _code_removals(coder: SymbolCoder, kept: Int64 | None, num_gaussians: int, num_removals: int) -> Int64:
+    """Rows that survive; one flag for each Gaussian."""
+    contexts = np.zeros(num_gaussians, np.uint8)
+    removed = np.ones(num_gaussians, np.int64)
+    if kept is not None:
+        removed[kept] = 0
+    given = None if kept is None else removed
+    models = coder.histograms(np.zeros(1, np.int64), 1, 2, lambda: (removed, contexts))
+    flags = code_with_models(coder, given, Groups(contexts, 1), models)
+    survivors = np.flatnonzero(flags == 0)
+    if len(survivors) != num_gaussians - num_removals:
+        raise CorruptBitstream("removals are not as many as their number says")
+    return survivors
+
+
+def code_topology(
+    next_coder: Callable[[], SymbolCoder],
+    symbols: TopologySymbols | None,
+    header: TopologyHeader,
+    num_gaussians: int,
+) -> TopologySymbols:
+    """Removals, then births; `num_gaussians` of the reference frame; returns the symbols."""
+    kept = np.arange(num_gaussians)
+    if header.num_removals:
+        known = None if symbols is None else symbols.kept
+        kept = _code_removals(next_coder(), known, num_gaussians, header.num_removals)
+    if header.sort_grid is None:
+        return TopologySymbols(kept, None)
+    shape = IntraShape(header.num_births, sorted(header.steps), False, header.sort_grid)
+    births = code_intra(next_coder, None if symbols is None else symbols.births, shape)
+    return TopologySymbols(kept, births)
+
+
+def code_places(coder: SymbolCoder, places: Int64 | None, expected: Int64) -> Int64:
+    """Place in the output of each Gaussian, as difference from the `expected` ones; both (N,)."""
+    count = len(expected)
+    given = None if places is None else places - expected
+    found = code_component(coder, given, order_levels(count), EarlierPasses(count)) + expected
+    if not np.array_equal(np.sort(found), np.arange(count)):
+        raise CorruptBitstream("the output order is not a permutation")
+    return found
+
+
+def insertion(keys: Int64, births: Int64) -> Int64:
+    """Which row of survivors and births stands where: by key, survivors' keys never falling.
+
+    `keys` of survivors (S,), of `births` (B,); returns rows (S + B,) of the former followed by the latter.
+    """
+    rising = np.maximum.accumulate(keys)
+    return np.argsort(np.concatenate([rising, births]), kind="stable").astype(np.int64)

@@ -1,0 +1,114 @@
+"""P-frames: topology, motion and residual of a frame, each where it pays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
+from dfcgs_codec.codec.gof_state import GofState
+from dfcgs_codec.codec.inter import InterSymbols, nonzero_rows
+from dfcgs_codec.codec.topology import TopologySymbols
+from dfcgs_codec.encoder.analysis import Planes, ZeroBin, inter_symbols, intra_symbols, order_of, plan_grid
+from dfcgs_codec.encoder.canonical import choose_axis_names
+from dfcgs_codec.encoder.frame_coding import CodedFrame, TopologyChange, code_inter_frame
+from dfcgs_codec.encoder.identity import Members, Succession
+from dfcgs_codec.encoder.motion_choice import MotionTask, MotionTrial, choose_motion
+from dfcgs_codec.encoder.options import MotionMode
+from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
+from dfcgs_codec.encoder.targets import ordered
+from dfcgs_codec.transform.rotation import round_divide
+
+#: motion that seems to save less than this share of the bits is compared with none for real
+_SURE_SHARE = 0.15
+
+
+@dataclass(frozen=True)
+class Births:
+    """A change of topology, and the Gaussians that come with it."""
+
+    change: TopologyChange
+    members: Members
+    target: Planes
+
+
+@dataclass(frozen=True)
+class InterTask:
+    """A P-frame to be coded: `target` of the survivors, what it was `before`, the `state` they are in."""
+
+    index: int
+    target: Planes
+    before: Planes
+    state: GofState
+    births: Births | None
+
+
+class InterCoder:
+    """Codes P-frames of a sequence."""
+
+    def __init__(self, plan: SequencePlan) -> None:
+        self._plan = plan
+
+    def code(self, task: InterTask) -> CodedFrame:
+        """With motion or without, whichever is smaller."""
+        trial = self._motion(task)
+        coded = self._coded(task, trial)
+        if trial is not None and trial.saved < _SURE_SHARE and self._plan.options.motion == MotionMode.AUTO:
+            coded = min(coded, self._coded(task, None), key=lambda found: len(found.data))
+        return coded
+
+    def births(self, succession: Succession, planes: Planes, state: GofState) -> Births | None:
+        """The change of topology since `state`, or None where all go on."""
+        options, steps = self._plan.options, self._plan.steps
+        rows = succession.births
+        if succession.all_survive and not len(rows):
+            in_place = np.array_equal(succession.members.rows, state.expected_places())
+            if in_place or options.order != OutputOrder.INPUT:
+                return None
+        symbols, grid, used, target = None, None, {}, {}
+        names = None
+        if len(rows):
+            born = ordered(planes, rows)
+            indices = round_divide(born[Attribute.POSITION], steps[Attribute.POSITION])
+            grid = plan_grid(indices)
+            order = order_of(indices, grid)
+            rows, born = rows[order], ordered(born, order)
+            if succession.members.names is not None:
+                names = choose_axis_names(born)
+                born = names.rename(born)
+            target, used = born, {attribute: steps[attribute] for attribute in born}
+            symbols = intra_symbols(born, steps, None)
+        inputs = None
+        if options.order == OutputOrder.INPUT:
+            inputs = np.concatenate([succession.members.rows, rows])
+        topology = TopologySymbols(succession.kept, symbols)
+        change = TopologyChange(topology, succession.num_before, grid, used, inputs)
+        return Births(change, Members(rows, names), target)
+
+    def _coded(self, task: InterTask, trial: MotionTrial | None) -> CodedFrame:
+        quantisation, options = self._plan.quantisation, self._plan.options
+        reference = task.state.frame
+        coding = (quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2)
+        states = (reference, reference if trial is None else trial.carried.state)
+        symbols = InterSymbols()
+        if options.motion != MotionMode.ONLY:
+            symbols = inter_symbols(task.target, task.before, states, coding)
+        change = None if task.births is None else task.births.change
+        return code_inter_frame(
+            task.index, symbols, task.state, (quantisation.steps, BLOCK_LOG2), trial, change
+        )
+
+    def _motion(self, task: InterTask) -> MotionTrial | None:
+        mode = self._plan.options.motion
+        if mode == MotionMode.OFF:
+            return None
+        moving = (Attribute.POSITION, Attribute.ROTATION)
+        changed = np.logical_or(*(nonzero_rows(task.target[a] - task.before[a]) for a in moving))
+        if not changed.any():
+            return None
+        steps, forced = self._plan.steps, mode in (MotionMode.ON, MotionMode.ONLY)
+        state = task.state
+        return choose_motion(
+            MotionTask(state.motion(), state.frame, task.target, changed, steps, BLOCK_LOG2, forced)
+        )

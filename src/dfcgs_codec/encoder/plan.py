@@ -1,0 +1,35 @@
+"""What is settled before the first frame is coded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.frame_headers import ControlHeader
+from dfcgs_codec.bitstream.sequence_header import SequenceHeader
+from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.rate_control import Quantisation
+
+#: log2 of the Gaussians in a significance block
+BLOCK_LOG2 = 6
+
+
+@dataclass(frozen=True)
+class SequencePlan:
+    """Header, steps and options of a sequence; `anchors[i]` is the first frame of frame i's run."""
+
+    header: SequenceHeader
+    quantisation: Quantisation
+    options: EncoderOptions
+    anchors: list[int]
+
+    @property
+    def steps(self) -> dict[Attribute, int]:
+        """Quantiser steps, in grid units."""
+        return self.quantisation.steps
+
+    @property
+    def control(self) -> ControlHeader:
+        """How control points are chosen; a cell is about as wide as a position step."""
+        shift = self.steps[Attribute.POSITION].bit_length() - 1
+        return ControlHeader(self.options.control_rule, self.options.control_spacing, shift)
