@@ -124,11 +124,15 @@ def _known(plan: Plan) -> dict[str, Any]:
 
 
 def _merged(old: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
-    """New points, and of the old ones those of methods that this run left out, if the input is the same."""
+    """New points, and of the old ones those of methods that this run left out, if the input is the same.
+
+    Points of methods that there are no more are dropped.
+    """
     if old is None or old["input_sha256"] != new["input_sha256"]:
         return new
     ran = {row["method"] for row in new["points"]}
-    return new | {"points": [*new["points"], *(r for r in old["points"] if r["method"] not in ran)]}
+    left = {point.method for point in [*codec_points(), *baseline_points()]} - ran
+    return new | {"points": [*new["points"], *(r for r in old["points"] if r["method"] in left)]}
 
 
 def main(arguments: Arguments[str] | None = None) -> None:

@@ -20,7 +20,8 @@ _OTHER_QPS = (21, 28, 34)
 #: our curves: label and further options of `dfcgs encode`
 CODEC_CURVES = {
     "dfcgs": ("dfcgs (default)", []),
-    "dfcgs_gof60": ("dfcgs, GoF 60", ["--gof-size", "60"]),
+    "dfcgs_still": ("dfcgs, no motion", ["--motion", "off"]),
+    "dfcgs_gof10": ("dfcgs, GoF 10", ["--gof-size", "10"]),
     "dfcgs_intra": ("dfcgs, I-frames only", ["--gof-size", "1"]),
 }
 _PYTHON = sys.executable
@@ -79,7 +80,7 @@ def codec_points() -> list[Point]:
     """Presets and more QPs on the default curve; QPs alone on the others."""
     points = [codec_point("dfcgs", name, ["--quality", name], name) for name in QUALITIES]
     points += [codec_point("dfcgs", f"qp{qp}", ["--qp", str(qp)]) for qp in _MORE_QPS]
-    for method in ("dfcgs_gof60", "dfcgs_intra"):
+    for method in ("dfcgs_still", "dfcgs_gof10", "dfcgs_intra"):
         points += [codec_point(method, f"qp{qp}", ["--qp", str(qp)]) for qp in _OTHER_QPS]
     return points
 

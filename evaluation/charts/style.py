@@ -21,7 +21,8 @@ CHARTS = REPOSITORY / "docs" / "charts"
 OURS = "#d55e00"
 _LOOKS = {
     "dfcgs": (OURS, "o", "-"),
-    "dfcgs_gof60": (OURS, "s", "--"),
+    "dfcgs_gof10": (OURS, "s", "--"),
+    "dfcgs_still": ("#f0a070", "s", "-"),
     "dfcgs_intra": (OURS, "^", ":"),
     "delta_zstd": ("#0072b2", "o", "-"),
     "hevc": ("#009e73", "D", "-"),

@@ -122,8 +122,9 @@ def test_points_have_names_of_their_own() -> None:
 
 
 def test_a_run_of_some_methods_keeps_the_figures_of_others() -> None:
-    old = {"input_sha256": "a", "points": [{"method": "x", "bytes": 1}, {"method": "y", "bytes": 2}]}
-    new = {"input_sha256": "a", "points": [{"method": "x", "bytes": 3}]}
+    old = {"input_sha256": "a", "points": [{"method": "dfcgs", "bytes": 1}, {"method": "spz", "bytes": 2}]}
+    old["points"].append({"method": "of_another_time", "bytes": 9})
+    new = {"input_sha256": "a", "points": [{"method": "dfcgs", "bytes": 3}]}
     assert [p["bytes"] for p in bench._merged(old, new)["points"]] == [3, 2]
     assert bench._merged({**old, "input_sha256": "b"}, new) == new
     assert bench._merged(None, new) == new

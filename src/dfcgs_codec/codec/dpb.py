@@ -34,6 +34,8 @@ class Plane:
         self.values.setflags(write=False)
         self._digest: bytes | None = None
         self._floats: tuple[int, Float32] | None = None
+        #: of the first SH band: exponent, identities of the other bands, all joined, the other bands
+        self.joined: tuple[int, list[int], Float32, list[Plane]] | None = None
 
     @property
     def digest(self) -> bytes:
@@ -149,16 +151,29 @@ def output(state: FrameState, units: UnitExponents) -> GaussianCloud:
     return cloud.take(source)
 
 
+def _joined(bands: list[Plane], count: int, exponent: int) -> Float32:
+    """All SH above degree 0 of `count` Gaussians; not computed again while the planes are the same."""
+    if not bands:
+        return sh_rest_of_bands([], count)
+    known = bands[0].joined
+    if known is None or known[0] != exponent or [id(band) for band in bands[1:]] != known[1]:
+        joined = sh_rest_of_bands([band.floats(exponent) for band in bands], count)
+        joined.setflags(write=False)
+        # the planes behind the first one are kept alive, so that their identities stay theirs
+        bands[0].joined = known = (exponent, [id(band) for band in bands[1:]], joined, bands[1:])
+    return known[2]
+
+
 def _expand(state: FrameState, units: UnitExponents) -> GaussianCloud:
     n = state.num_gaussians
     planes = state.planes
     logits = expand(planes[Attribute.OPACITY].wide()[:, 0], units.opacity)
-    bands = [planes[a].floats(units.color) for a in SH_BANDS if a in planes]
+    bands = [planes[a] for a in SH_BANDS if a in planes]
     return GaussianCloud(
         positions=planes[Attribute.POSITION].floats(units.position),
         rotations=planes[Attribute.ROTATION].floats(-ROTATION_FRACTION_BITS),
         scales=planes[Attribute.SCALE].floats(units.scale),
         opacities=_to_float(logits, units.opacity),
         sh_dc=planes[Attribute.SH_DC].floats(units.color),
-        sh_rest=sh_rest_of_bands(bands, n),
+        sh_rest=_joined(bands, n, units.color),
     )

@@ -126,16 +126,27 @@ def _to_grid(values: Float32, exponent: int) -> Int64:
     return np.clip(scaled, -STATE_LIMIT, STATE_LIMIT).astype(np.int64)
 
 
+def grid_values(cloud: GaussianCloud, field: str, units: UnitExponents) -> dict[Attribute, Int64]:
+    """Integers (N, C) of the attributes that one array of `cloud` holds, on their grids."""
+    values = getattr(cloud, field)
+    if field == "sh_rest":
+        bands = zip(SH_BANDS, sh_bands(values), strict=False)
+        return {attribute: _to_grid(band, units.color) for attribute, band in bands}
+    if field == "rotations":
+        return {Attribute.ROTATION: from_float(values)}
+    if field == "opacities":
+        return {Attribute.OPACITY: compress(_to_grid(values, units.opacity), units.opacity)[:, None]}
+    attribute, exponent = {
+        "positions": (Attribute.POSITION, units.position),
+        "scales": (Attribute.SCALE, units.scale),
+        "sh_dc": (Attribute.SH_DC, units.color),
+    }[field]
+    return {attribute: _to_grid(values, exponent)}
+
+
 def state_of(cloud: GaussianCloud, units: UnitExponents) -> FrameState:
     """Integer state of float values: the reference that a `ply` I-frame leaves behind (spec section 13.3)."""
-    logits = compress(_to_grid(cloud.opacities, units.opacity), units.opacity)
-    planes = {
-        Attribute.POSITION: Plane(_to_grid(cloud.positions, units.position)),
-        Attribute.SCALE: Plane(_to_grid(cloud.scales, units.scale)),
-        Attribute.ROTATION: Plane(from_float(cloud.rotations)),
-        Attribute.OPACITY: Plane(logits[:, None]),
-        Attribute.SH_DC: Plane(_to_grid(cloud.sh_dc, units.color)),
-    }
-    for attribute, band in zip(SH_BANDS, sh_bands(cloud.sh_rest), strict=False):
-        planes[attribute] = Plane(_to_grid(band, units.color))
-    return FrameState(planes, verbatim=cloud)
+    planes: dict[Attribute, Int64] = {}
+    for field in ("positions", "scales", "rotations", "opacities", "sh_dc", "sh_rest"):
+        planes |= grid_values(cloud, field, units)
+    return FrameState({a: Plane(values) for a, values in planes.items()}, verbatim=cloud)

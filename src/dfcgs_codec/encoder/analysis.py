@@ -135,8 +135,10 @@ def inter_symbols(
     reference, predicted = states
     activity = {}
     for attribute, values in target.items():
-        differs = nonzero_rows(values - before[attribute])
         moved = moved_rows(attribute, reference, predicted)
+        if values is before[attribute] and moved is None:
+            continue
+        differs = nonzero_rows(values - before[attribute])
         changed = np.flatnonzero(differs if moved is None else differs | moved)
         if not len(changed):
             continue

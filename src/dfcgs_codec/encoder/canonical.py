@@ -8,16 +8,16 @@ sequence never flips between names.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.rotation import CELLS, ONE, multiply, normalise
 
 Int64 = npt.NDArray[np.int64]
+Float32 = npt.NDArray[np.float32]
 Planes = dict[Attribute, Int64]
 
 #: rank order of the scales -> quaternion whose turn brings axis order[j] to place j
@@ -54,24 +54,30 @@ class AxisNames:
 
     def rename(self, planes: Planes) -> Planes:
         """The same Gaussians under their new names; rows of planes as those of the names."""
-        scales = np.take_along_axis(planes[Attribute.SCALE], self.order, axis=1)
-        rotations = normalise(multiply(planes[Attribute.ROTATION], self.turns))
-        return planes | {Attribute.SCALE: scales, Attribute.ROTATION: rotations}
+        renamed = dict(planes)
+        if Attribute.SCALE in planes:
+            renamed[Attribute.SCALE] = np.take_along_axis(planes[Attribute.SCALE], self.order, axis=1)
+        if Attribute.ROTATION in planes:
+            renamed[Attribute.ROTATION] = normalise(multiply(planes[Attribute.ROTATION], self.turns))
+        return renamed
 
-    def rename_cloud(self, cloud: GaussianCloud) -> GaussianCloud:
-        """The same for float values: what decoded values are to be compared with."""
-        scales = np.take_along_axis(cloud.scales, self.order, axis=1)
-        wide = cloud.rotations.astype(np.float64)
+    def rename_scales(self, scales: Float32) -> Float32:
+        """The same for float values (N, 3)."""
+        return np.take_along_axis(scales, self.order, axis=1)
+
+    def rename_rotations(self, rotations: Float32) -> Float32:
+        """The same for float quaternions (N, 4), made unit ones."""
+        wide = rotations.astype(np.float64)
         # their length carries no meaning, and a long one would overflow float32 below
         w, x, y, z = (wide / np.linalg.norm(wide, axis=1, keepdims=True)).T
         s, i, j, k = self.turns.T / ONE
-        rotations = [
+        renamed = [
             w * s - x * i - y * j - z * k,
             w * i + x * s + y * k - z * j,
             w * j - x * k + y * s + z * i,
             w * k + x * j - y * i + z * s,
         ]
-        return replace(cloud, scales=scales, rotations=np.stack(rotations, axis=1).astype(np.float32))
+        return np.stack(renamed, axis=1).astype(np.float32)
 
 
 def choose_axis_names(planes: Planes) -> AxisNames:

@@ -13,6 +13,7 @@ from dfcgs_codec.encoder.targets import Planes, ordered
 from dfcgs_codec.gaussians import GaussianCloud
 
 Int64 = npt.NDArray[np.int64]
+Float32 = npt.NDArray[np.float32]
 
 #: with fewer survivors than this share of a frame, nothing is gained over an I-frame
 _MIN_SURVIVORS = 0.3
@@ -25,15 +26,26 @@ class Members:
     rows: Int64
     names: AxisNames | None
 
-    def target(self, planes: Planes) -> Planes:
-        """Planes of the input frame in GoF order, axes renamed."""
-        found = ordered(planes, self.rows)
-        return found if self.names is None else self.names.rename(found)
+    def target(self, planes: Planes, before: tuple[Planes, Planes] | None = None) -> Planes:
+        """Planes of the input frame in GoF order, axes renamed.
 
-    def source(self, cloud: GaussianCloud) -> GaussianCloud:
-        """The input frame in GoF order, axes renamed: what decoded values are to be compared with."""
-        found = cloud.take(self.rows)
-        return found if self.names is None else self.names.rename_cloud(found)
+        `before`: planes of the frame before, of the same members, in the input's and in GoF order; what is
+        the same object there is the same here.
+        """
+        known = {} if before is None else {a: before[1][a] for a in planes if planes[a] is before[0][a]}
+        found = ordered({a: values for a, values in planes.items() if a not in known}, self.rows)
+        if self.names is not None:
+            found = self.names.rename(found)
+        return {a: known[a] if a in known else found[a] for a in planes}
+
+    def values(self, cloud: GaussianCloud, field: str) -> Float32:
+        """An array of the input frame in GoF order, axes renamed, to be compared with decoded values."""
+        values: Float32 = getattr(cloud, field)[self.rows]
+        if self.names is not None and field == "scales":
+            return self.names.rename_scales(values)
+        if self.names is not None and field == "rotations":
+            return self.names.rename_rotations(values)
+        return values
 
     def merge(self, births: Members, source: Int64) -> Members:
         """With `births`: row i of the result is row source[i] of these and those."""

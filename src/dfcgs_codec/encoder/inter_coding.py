@@ -14,7 +14,7 @@ from dfcgs_codec.encoder.analysis import Planes, ZeroBin, inter_symbols, intra_s
 from dfcgs_codec.encoder.canonical import choose_axis_names
 from dfcgs_codec.encoder.frame_coding import CodedFrame, TopologyChange, code_inter_frame
 from dfcgs_codec.encoder.identity import Members, Succession
-from dfcgs_codec.encoder.motion_choice import MotionTask, MotionTrial, choose_motion
+from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
 from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.targets import ordered
@@ -35,13 +35,17 @@ class Births:
 
 @dataclass(frozen=True)
 class InterTask:
-    """A P-frame to be coded: `target` of the survivors, what it was `before`, the `state` they are in."""
+    """A P-frame to be coded: `target` of the survivors, what it was `before`, the `state` they are in.
+
+    `hint`: what motion was best before.
+    """
 
     index: int
     target: Planes
     before: Planes
     state: GofState
     births: Births | None
+    hint: MotionHint | None
 
 
 class InterCoder:
@@ -50,13 +54,13 @@ class InterCoder:
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
 
-    def code(self, task: InterTask) -> CodedFrame:
-        """With motion or without, whichever is smaller."""
+    def code(self, task: InterTask) -> tuple[CodedFrame, MotionHint | None]:
+        """With motion or without, whichever is smaller, and what motion was best."""
         trial = self._motion(task)
         coded = self._coded(task, trial)
         if trial is not None and trial.saved < _SURE_SHARE and self._plan.options.motion == MotionMode.AUTO:
             coded = min(coded, self._coded(task, None), key=lambda found: len(found.data))
-        return coded
+        return coded, None if trial is None else trial.hint
 
     def births(self, succession: Succession, planes: Planes, state: GofState) -> Births | None:
         """The change of topology since `state`, or None where all go on."""
@@ -110,5 +114,7 @@ class InterCoder:
         steps, forced = self._plan.steps, mode in (MotionMode.ON, MotionMode.ONLY)
         state = task.state
         return choose_motion(
-            MotionTask(state.motion(), state.frame, task.target, changed, steps, BLOCK_LOG2, forced)
+            MotionTask(
+                state.motion(), state.frame, task.target, changed, steps, BLOCK_LOG2, forced, task.hint
+            )
         )

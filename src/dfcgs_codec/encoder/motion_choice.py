@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.motion_header import MotionHeader
+from dfcgs_codec.codec.binding import Binding
 from dfcgs_codec.codec.compensation import Carried, GofMotion
 from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.codec.motion import MotionSymbols, classify_modes, code_motion
@@ -21,6 +22,7 @@ from dfcgs_codec.encoder.streams import Streams
 from dfcgs_codec.transform.rotation import STEREO_ONE
 
 Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
 #: translations are this share of the position step, so that their rounding does not show
@@ -29,17 +31,29 @@ _TRANSLATION_SHARE = 1 / 8
 _ZERO_BIN = 0.55
 #: quarters of the last habits that are tried
 _TEMPORAL_WEIGHTS = (0, 3)
+#: Gaussians that motion is measured on at first, about, to see who goes elsewhere
+_FIRST_MEASURED = 49_152
 #: fewer control points are tried until they cost this much more than the best
 _GIVE_UP = 1.02
+#: frames after which all is tried again
+_SEARCH_PERIOD = 8
 #: bits that a Gaussian costs which stands still, but is carried along and has to be brought back
 _BRING_BACK_BITS = 8.0
+
+
+@dataclass(frozen=True)
+class MotionHint:
+    """The header that was best in the frame before, and how many frames in a row were searched from it."""
+
+    header: MotionHeader
+    age: int
 
 
 @dataclass(frozen=True)
 class MotionTask:
     """A frame to be moved to: the GoF's motion so far, reference, target, who `changed` (N,), the steps.
 
-    `is_forced`: whether it moves, even where that does not pay.
+    `is_forced`: whether it moves, even where that does not pay; `hint`: what was best in the frame before.
     """
 
     motion: GofMotion
@@ -49,6 +63,7 @@ class MotionTask:
     steps: dict[Attribute, int]
     block_log2: int
     is_forced: bool = False
+    hint: MotionHint | None = None
 
 
 @dataclass(frozen=True)
@@ -59,6 +74,7 @@ class MotionTrial:
     symbols: MotionSymbols
     carried: Carried
     saved: float
+    hint: MotionHint | None = None
 
 
 @dataclass(frozen=True)
@@ -99,15 +115,20 @@ class _Search:
         """Where everything goes, those that do not go with the others counting less."""
         task, field = self._task, self._task.motion.field
         rows = np.flatnonzero(task.changed)
-        binding = task.motion.binding.of_rows(rows)
-        source = task.reference.planes[Attribute.POSITION].values[rows].astype(np.float64)
-        target = task.target[Attribute.POSITION][rows].astype(np.float64)
-        first = measure(binding, field.num_points, (source, target))
+        some = rows[:: max(1, len(rows) // _FIRST_MEASURED)]
         header = MotionHeader(field.num_points, 0, *motion_steps(task))
-        moved = field.move(header, MotionQuantiser(field, first, header, 0.0))
-        carried = binding.chosen(binding.moves(moved.motion, np.ascontiguousarray(source.T)))
+        first = MotionQuantiser(field, measure(*self._paths(some), field.num_points), header, 0.0)
+        motion = field.move(header, first).motion
+        binding, source, target = self._paths(rows)
+        carried = binding.chosen(binding.moves(motion, np.ascontiguousarray(source.T)))
         trust = trusted(target - source - carried.T, task.steps[Attribute.POSITION])
-        return measure(binding, field.num_points, (source, target), trust)
+        return measure(binding, source, target, field.num_points, trust)
+
+    def _paths(self, rows: Int64) -> tuple[Binding, Float64, Float64]:
+        """Whom the Gaussians `rows` follow, where they are and where they go, (rows, 3)."""
+        reference = self._task.reference.planes[Attribute.POSITION].values[rows].astype(np.float64)
+        target = self._task.target[Attribute.POSITION][rows].astype(np.float64)
+        return self._task.motion.binding.of_rows(rows), reference, target
 
     def attempt(self, header: MotionHeader) -> _Candidate:
         """The motion that `header` allows."""
@@ -121,11 +142,31 @@ class _Search:
         return _Candidate(header, quantiser.symbols, bits)
 
     def candidates(self) -> Iterator[_Candidate]:
+        """What was best in the frame before and one thing else, another one each time; all now and then."""
+        hint = self._task.hint
+        if hint is None or hint.age >= _SEARCH_PERIOD:
+            yield from self._search()
+            return
+        step, turn = motion_steps(self._task)
+        last = replace(hint.header, translation_step=step, turn_step=turn if hint.header.is_rigid else 0)
+        yield self.attempt(last)
+        starts = level_starts(self._task.motion.field.num_points)[1:]
+        coarser = [count for count in starts if count < last.num_coded]
+        finer = [count for count in starts if count > last.num_coded]
+        others = [
+            replace(last, temporal_weight=sum(_TEMPORAL_WEIGHTS) - last.temporal_weight),
+            *(replace(last, num_coded=count) for count in (coarser[-1:] + finer[:1])),
+            replace(last, turn_step=0 if last.is_rigid else turn),
+        ]
+        yield self.attempt(others[hint.age % len(others)])
+
+    def _search(self) -> Iterator[_Candidate]:
         """Ever fewer control points, as long as that promises something; then without turns."""
         step, turn = motion_steps(self._task)
         best: _Candidate | None = None
         for count in reversed([0, *level_starts(self._task.motion.field.num_points)[1:]]):
-            tried = [self.attempt(MotionHeader(count, weight, step, turn)) for weight in _TEMPORAL_WEIGHTS]
+            weights = _TEMPORAL_WEIGHTS if best is None else (best.header.temporal_weight,)
+            tried = [self.attempt(MotionHeader(count, weight, step, turn)) for weight in weights]
             yield from tried
             found = min(tried, key=lambda candidate: candidate.bits)
             if best is not None and found.bits > _GIVE_UP * best.bits:
@@ -147,10 +188,10 @@ def choose_motion(task: MotionTask) -> MotionTrial | None:
     carried = task.motion.carry(best.header, _symbols(task, best.control, everyone), task.reference)
     follows = _followers(task, carried)
     symbols = _symbols(task, best.control, follows)
-    if not follows.all():
-        carried = task.motion.carry(best.header, symbols, task.reference)
+    carried = carried.only(follows, task.reference)
     saved = 1 - best.bits / search.rest
-    return MotionTrial(best.header, symbols, carried, saved)
+    age = 0 if task.hint is None or task.hint.age >= _SEARCH_PERIOD else task.hint.age + 1
+    return MotionTrial(best.header, symbols, carried, saved, MotionHint(best.header, age))
 
 
 def _symbols(task: MotionTask, control: Int64, follows: Bool) -> MotionSymbols:

@@ -60,17 +60,19 @@ def _carriers(binding: Binding, num_points: int) -> csr_array:
 
 
 def measure(
-    binding: Binding, num_points: int, positions: tuple[Float64, Float64], trust: Float64 | None = None
+    binding: Binding, source: Float64, target: Float64, num_points: int, trust: Float64 | None = None
 ) -> Moments:
-    """Moments of N Gaussians' motion; `positions`: where they are and where they go, (N, 3) each.
+    """Moments of the motion of N Gaussians from `source` to `target`, (N, 3) each.
 
     `trust` (N,): weights of a robust fit.
     """
-    source, target = positions
     center = source.mean(axis=0)
-    x, y = source - center, target - center
-    cross = (x[:, :, None] * y[:, None, :]).reshape(-1, 9)
-    columns = np.concatenate([np.ones((len(x), 1)), x, y, cross], axis=1)
+    columns = np.empty((len(source), 16))
+    columns[:, 0] = 1.0
+    columns[:, _SOURCE] = source - center
+    columns[:, _TARGET] = target - center
+    for axis in range(3):
+        columns[:, 7 + 3 * axis : 10 + 3 * axis] = columns[:, 1 + axis, None] * columns[:, _TARGET]
     if trust is not None:
         columns *= trust[:, None]
     return Moments(_carriers(binding, num_points) @ columns, center)

@@ -57,16 +57,36 @@ def _alpha(logit: Float32) -> npt.NDArray[np.float64]:
     return alpha
 
 
+#: array of a GaussianCloud that each error is measured on
+ERROR_FIELDS = {
+    "position": "positions",
+    "rotation": "rotations",
+    "scale": "scales",
+    "alpha": "opacities",
+    "colour": "sh_dc",
+    "sh": "sh_rest",
+}
+
+
+def errors_of(name: str, source: Float32, decoded: Float32) -> npt.NDArray[np.floating]:
+    """Absolute errors of `ERROR_FIELDS[name]`: per Gaussian (position, rotation, alpha) or component."""
+    if name == "position":
+        distance = source.astype(np.float64) - decoded
+        errors: npt.NDArray[np.floating] = np.sqrt((distance * distance).sum(axis=1))
+        return errors
+    if name == "rotation":
+        return _rotation_error(source, decoded)
+    if name == "alpha":
+        return np.abs(_alpha(source) - _alpha(decoded))
+    difference: Float32 = np.abs(source - decoded)
+    return difference * np.float32(SH_C0) if name == "colour" else difference
+
+
 def attribute_errors(source: GaussianCloud, decoded: GaussianCloud) -> dict[str, npt.NDArray[np.floating]]:
-    """Absolute errors per Gaussian (position, rotation, alpha) or component (scale, colour, sh)."""
-    distance = source.positions.astype(np.float64) - decoded.positions
+    """The errors of all attributes."""
     return {
-        "position": np.sqrt((distance * distance).sum(axis=1)),
-        "rotation": _rotation_error(source.rotations, decoded.rotations),
-        "scale": np.abs(source.scales - decoded.scales),
-        "alpha": np.abs(_alpha(source.opacities) - _alpha(decoded.opacities)),
-        "colour": np.abs(source.sh_dc - decoded.sh_dc) * SH_C0,
-        "sh": np.abs(source.sh_rest - decoded.sh_rest),
+        name: errors_of(name, getattr(source, field), getattr(decoded, field))
+        for name, field in ERROR_FIELDS.items()
     }
 
 
@@ -89,11 +109,11 @@ class EncodeReport:
     notes: list[str] = field(default_factory=list)
     num_bytes: int = 0
 
-    def add_frame(self, record: FrameRecord, source: GaussianCloud, decoded: GaussianCloud) -> None:
+    def add_frame(self, record: FrameRecord, errors: dict[str, ErrorStatistics]) -> None:
         """Record a frame and its errors."""
         self.frames.append(record)
-        for name, errors in attribute_errors(source, decoded).items():
-            self.errors.setdefault(name, ErrorStatistics()).add(errors)
+        for name, statistics in errors.items():
+            self.errors.setdefault(name, ErrorStatistics()).merge(statistics)
 
     def merge(self, other: EncodeReport) -> None:
         """Append the report of the following frames."""

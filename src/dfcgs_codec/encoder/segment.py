@@ -5,13 +5,12 @@ A segment starts with an I-frame, so segments can be coded in any order and by a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder
-from dfcgs_codec.codec.dpb import output
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import (
     Planes,
@@ -20,6 +19,7 @@ from dfcgs_codec.encoder.analysis import (
     plan_grid,
 )
 from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
+from dfcgs_codec.encoder.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame_coding import (
     CodedFrame,
     code_intra_frame,
@@ -27,6 +27,7 @@ from dfcgs_codec.encoder.frame_coding import (
 )
 from dfcgs_codec.encoder.identity import Members, Succession, found_members, same_members
 from dfcgs_codec.encoder.inter_coding import InterCoder, InterTask
+from dfcgs_codec.encoder.motion_choice import MotionHint
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.report import EncodeReport, FrameRecord
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
@@ -71,15 +72,18 @@ class _Anchor:
 class _Loop:
     """The closed loop after a frame: what was coded, who its Gaussians are, what they should have been.
 
-    `moved` (N, 3): how far they went from the input frame before, or None.
+    `planes` are those of the input, in its order; `moved` (N, 3): how far they went from the frame before;
+    `hint`: what motion was best.
     """
 
     coded: CodedFrame
     members: Members
     target: Planes
     cloud: GaussianCloud
+    planes: Planes
     intra_bytes: int
     moved: Float64 | None = None
+    hint: MotionHint | None = None
 
 
 class SegmentEncoder:
@@ -90,6 +94,7 @@ class SegmentEncoder:
         self._plan = plan
         self._targets = Targets(plan.header.unit_exponents)
         self._inter_coder = InterCoder(plan)
+        self._meter = ErrorMeter(plan.header.unit_exponents)
         self._anchors: dict[int, _Anchor] = {}
 
     def encode(self, start: int, stop: int) -> CodedSegment:
@@ -133,8 +138,9 @@ class SegmentEncoder:
         if births is not None:
             state = state.survivors(kept, BLOCK_LOG2)
         target_before = before.target if succession.all_survive else ordered(before.target, kept)
-        task = InterTask(index, members.target(planes), target_before, state, births)
-        coded = self._inter_coder.code(task)
+        same = (before.planes, before.target) if members is before.members else None
+        task = InterTask(index, members.target(planes, same), target_before, state, births, before.hint)
+        coded, hint = self._inter_coder.code(task)
         unit = 2.0**self._plan.header.unit_exponents.position
         went = task.target[Attribute.POSITION] - task.before[Attribute.POSITION]
         moved: Float64 = went.astype(np.float64) * unit
@@ -144,7 +150,7 @@ class SegmentEncoder:
             members = members.merge(births.members, source)
             target = {a: np.concatenate([v, births.target[a]])[source] for a, v in target.items()}
             moved = np.concatenate([moved, np.zeros((len(births.members.rows), 3))])[source]
-        return _Loop(coded, members, target, cloud, before.intra_bytes, moved)
+        return _Loop(coded, members, target, cloud, planes, before.intra_bytes, moved, hint)
 
     def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> _Loop:
         options, steps = self._plan.options, self._plan.steps
@@ -157,7 +163,7 @@ class SegmentEncoder:
         if options.intra == IntraKind.PLY:
             state = state_of(cloud.take(order), self._plan.header.unit_exponents)
             coded = code_verbatim_frame(index, state, permutation, self._plan.control)
-            return _Loop(coded, Members(order, None), wide_planes(state), cloud, len(coded.data))
+            return _Loop(coded, Members(order, None), wide_planes(state), cloud, planes, len(coded.data))
         names = None
         if not options.keep_axes:
             names = anchor.names if tracked else choose_axis_names(planes)
@@ -166,7 +172,7 @@ class SegmentEncoder:
         coded = code_intra_frame(
             index, intra_symbols(target, steps, permutation), grid, steps, self._plan.control
         )
-        return _Loop(coded, members, target, cloud, len(coded.data))
+        return _Loop(coded, members, target, cloud, planes, len(coded.data))
 
     def _permutation(self, order: Int64, anchor: _Anchor | None) -> Int64 | None:
         """Place in the output of each Gaussian in GoF order; None where that is the GoF order."""
@@ -193,8 +199,7 @@ class SegmentEncoder:
 
     def _record(self, segment: CodedSegment, index: int, loop: _Loop) -> None:
         """Measure the frame's errors as a decoder will have it, against the input under its axis names."""
-        frame = loop.coded
-        decoded = output(replace(frame.state.frame, order=None), self._plan.header.unit_exponents)
-        number = self._source.numbers[index]
+        frame, number = loop.coded, self._source.numbers[index]
         record = FrameRecord(number, frame.kind, loop.cloud.num_gaussians, len(frame.data))
-        segment.report.add_frame(record, loop.members.source(loop.cloud), decoded)
+        errors = self._meter.measure(loop.cloud, loop.members, loop.target, frame.state.frame)
+        segment.report.add_frame(record, errors)

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import FrameState
-from dfcgs_codec.codec.verbatim import state_of
+from dfcgs_codec.codec.verbatim import grid_values
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 
@@ -26,21 +26,39 @@ def ordered(planes: Planes, order: Int64) -> Planes:
     return {attribute: values[order] for attribute, values in planes.items()}
 
 
+_FIELDS = ("positions", "scales", "rotations", "opacities", "sh_dc", "sh_rest")
+
+
 class Targets:
     """Turns frames into planes of grid integers (N, C), int64, in input order."""
 
     def __init__(self, units: UnitExponents) -> None:
         self._units = units
+        self._exponents = {
+            "positions": units.position,
+            "scales": units.scale,
+            "opacities": units.opacity,
+            "sh_dc": units.color,
+            "sh_rest": units.color,
+        }
+        self._last: tuple[GaussianCloud, dict[str, Planes]] | None = None
 
     def planes(self, cloud: GaussianCloud) -> Planes:
-        """The planes of `cloud`; InputError for values that the grids cannot hold."""
-        units = self._units
-        _check_range("positions", cloud.positions, units.position)
-        _check_range("scales", cloud.scales, units.scale)
-        _check_range("opacities", cloud.opacities, units.opacity)
-        _check_range("sh_dc", cloud.sh_dc, units.color)
-        _check_range("sh_rest", cloud.sh_rest, units.color)
-        return wide_planes(state_of(cloud, units))
+        """The planes of `cloud`; InputError for values that the grids cannot hold.
+
+        Arrays equal to those of the frame asked for before give the same planes, not copies.
+        """
+        found = {field: self._of_field(cloud, field) for field in _FIELDS}
+        self._last = (cloud, found)
+        return {attribute: plane for planes in found.values() for attribute, plane in planes.items()}
+
+    def _of_field(self, cloud: GaussianCloud, field: str) -> Planes:
+        values = getattr(cloud, field)
+        if self._last is not None and np.array_equal(values, getattr(self._last[0], field)):
+            return self._last[1][field]
+        if field in self._exponents:
+            _check_range(field, values, self._exponents[field])
+        return grid_values(cloud, field, self._units)
 
 
 def _check_range(name: str, values: npt.NDArray[np.float32], exponent: int) -> None:

@@ -52,7 +52,11 @@ def test_statistics() -> None:
 def report(*, scale_error: float = 0.0) -> EncodeReport:
     found = EncodeReport()
     decoded = replace(A, scales=A.scales + np.float32(scale_error))
-    found.add_frame(FrameRecord(3, "I", 50, 100), A, decoded)
+    measured = {}
+    for name, errors in attribute_errors(A, decoded).items():
+        measured[name] = ErrorStatistics()
+        measured[name].add(errors)
+    found.add_frame(FrameRecord(3, "I", 50, 100), measured)
     return found
 
 
