@@ -89,6 +89,7 @@ def test_settings_that_differ_in_their_gof_are_curves_of_their_own() -> None:
         "dfcgs (default)",
         "delta, GoF 10",
         "delta, GoF 60",
+        "dfcgs, no motion",
         "SPZ",
         "raw",
     ]
