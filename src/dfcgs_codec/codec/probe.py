@@ -11,9 +11,11 @@ from dfcgs_codec.bitstream.constants import BITSTREAM_VERSION, STATE_COLUMNS, At
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader
+from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.transform.control_points import MAX_CONTROL_POINTS
 
 #: longer than any frame header
 _HEADER_BYTES = 512
@@ -24,7 +26,7 @@ _PERMUTATION = "OUTPUT_ORDER"
 
 @dataclass
 class FrameInfo:
-    """One frame: bytes of its chunks, and of its streams by attribute."""
+    """One frame: bytes of its chunks, and of its streams by attribute; control points with symbols."""
 
     frame_index: int
     frame_number: int
@@ -32,6 +34,7 @@ class FrameInfo:
     num_gaussians: int
     num_bytes: int
     attribute_bytes: dict[str, int] = field(default_factory=dict)
+    control_points: int = 0
 
 
 @dataclass
@@ -142,6 +145,8 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
         elif kind == ChunkType.MOTION and info.frames:
             info.frames[-1].num_bytes += size
             info.frames[-1].attribute_bytes[kind.name] = size
+            points = MotionHeader.read(reader, MAX_CONTROL_POINTS).num_coded
+            info.frames[-1].control_points = points
         elif kind == ChunkType.RESIDUAL and info.frames:
             info.frames[-1].num_bytes += size
             info.frames[-1].attribute_bytes |= {a.name: reader.uvarint() for a in attributes}

@@ -88,7 +88,7 @@ def found_members(
     """
     expected = None
     if moved is not None:
-        expected = np.zeros((before.num_gaussians, 3))
+        expected = np.full((before.num_gaussians, 3), np.nan)
         expected[members.rows] = moved
     partner = match(before, now, expected)
     if np.count_nonzero(partner >= 0) < _MIN_SURVIVORS * now.num_gaussians:

@@ -72,7 +72,7 @@ class _Anchor:
 class _Loop:
     """The closed loop after a frame: what was coded, who its Gaussians are, what they should have been.
 
-    `planes` are those of the input, in its order; `moved` (N, 3): how far they went from the frame before;
+    `planes` are those of the input, in its order; `moved` (N, 3): how far they went since the frame before, or nan;
     `hint`: what motion was best.
     """
 
@@ -149,7 +149,8 @@ class SegmentEncoder:
             source = coded.source
             members = members.merge(births.members, source)
             target = {a: np.concatenate([v, births.target[a]])[source] for a, v in target.items()}
-            moved = np.concatenate([moved, np.zeros((len(births.members.rows), 3))])[source]
+            unknown = np.full((births.change.num_births, 3), np.nan)
+            moved = np.concatenate([moved, unknown])[source]
         return _Loop(coded, members, target, cloud, planes, before.intra_bytes, moved, hint)
 
     def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> _Loop:
