@@ -86,19 +86,19 @@ def _line(point: Point, figures: dict[str, Any]) -> str:
     return f"  {name} {figures['bytes_per_frame'] / 1000:9.1f} kB/frame  {quality}  {times}"
 
 
-def _subject(scene: Scene, max_frames: int | None, views: tuple[int, ...]) -> Subject:
+def subject_of(scene: Scene, max_frames: int | None, views: tuple[int, ...]) -> Subject:
     sequence = materialise(scene, max_frames)
     return Subject(sequence, Rated(tuple(range(0, sequence.facts.num_frames, _RENDER_EVERY)), views))
 
 
 def bench_scene(scene: Scene, plan: Plan, points: Arguments[Point]) -> dict[str, Any]:
     """All points of a scene."""
-    subject = _subject(scene, plan.max_frames, plan.views)
+    subject = subject_of(scene, plan.max_frames, plan.views)
     sequence = subject.sequence
     print(scene.name, flush=True)
     rows = []
     for point in points:
-        rated = subject if point.sample is None else _subject(scene, point.sample, plan.views)
+        rated = subject if point.sample is None else subject_of(scene, point.sample, plan.views)
         figures = measure(rated, point)
         print(_line(point, figures), flush=True)
         about = {"method": point.method, "label": point.label, "setting": point.setting}
@@ -116,9 +116,9 @@ def _version(point: Point) -> str:
         return str(error)
 
 
-def _known(plan: Plan) -> dict[str, Any]:
+def known_results(result: str) -> dict[str, Any]:
     """What an earlier run left: scenes that this run does not touch stay."""
-    path = RESULTS / f"{plan.result}.json"
+    path = RESULTS / f"{result}.json"
     results: dict[str, Any] = json.loads(path.read_text())["results"] if path.exists() else {}
     return results
 
@@ -146,7 +146,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
     parser.add_argument("--methods", nargs="*", default=[], help="only these")
     args = parser.parse_args(arguments)
     plan = PLANS[args.plan]
-    results = _known(plan)
+    results = known_results(plan.result)
     conditions = {"plan": asdict(plan), "render_every": _RENDER_EVERY, "cores": 2}
     for scene in _scenes(plan, args.scenes):
         new = bench_scene(scene, plan, _points(plan, args.methods))

@@ -72,7 +72,7 @@ class _Anchor:
 class _Loop:
     """The closed loop after a frame: what was coded, who its Gaussians are, what they should have been.
 
-    `planes` are those of the input, in its order; `moved` (N, 3): how far they went since the frame before, or nan;
+    `planes` are those of the input, in its order; `moved` (N, 3): how far they went in one frame, or nan;
     `hint`: what motion was best.
     """
 

@@ -1,0 +1,110 @@
+"""What motion is worth, and its parts: ablations and sensitivity, as the paper's tables have them.
+
+    python -m evaluation.motion [--scenes NAME ...] [--variants NAME ...]
+
+Every variant of `dfcgs encode` on every evaluation scene that has P-frames, at three QPs, against the
+default: bytes at equal PSNR of whole files and of P-frames alone. Figures land in
+`evaluation/results/motion.json` after every scene; what was measured before by the same code is taken from
+the cache of `evaluation.bench`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence as Arguments
+from typing import Any
+
+from evaluation.assets import has_asset
+from evaluation.bd import bd_delta
+from evaluation.bench import PLANS, known_results, subject_of
+from evaluation.measure import Subject, measure
+from evaluation.points import codec_point
+from evaluation.record import write_result
+from training.scenes.catalogue import group
+
+_QPS = {21: "high", 28: "medium", 34: "low"}
+_DEFAULT = "default"
+#: options of `dfcgs encode` by variant
+VARIANTS: dict[str, list[str]] = {
+    "no motion": ["--motion", "off"],
+    "motion forced": ["--motion", "on"],
+    "motion only": ["--motion", "only"],
+    "M = 35": ["--control-spacing", "35"],
+    "M = 140": ["--control-spacing", "140"],
+    "M = 280": ["--control-spacing", "280"],
+    "stride": ["--control-points", "stride"],
+    "L = 4": ["--gof-size", "4"],
+    "L = 10": ["--gof-size", "10"],
+    "L = 32": ["--gof-size", "32"],
+    "L = 300": ["--gof-size", "300"],
+}
+#: scenes without anything to predict
+_WITHOUT_MOTION = ("plant_bend_untracked",)
+
+Figures = dict[str, Any]
+
+
+def _points(subject: Subject, variant: str) -> list[Figures]:
+    """Figures of a variant at every QP; the default's are those of the presets in `evaluation.bench`."""
+    rows = []
+    for qp, preset in _QPS.items():
+        if variant == _DEFAULT:
+            point = codec_point("dfcgs", preset, ["--quality", preset], preset)
+        elif variant == "no motion":
+            point = codec_point("dfcgs_still", f"qp{qp}", ["--qp", str(qp)])
+        else:
+            point = codec_point("dfcgs", f"{variant}, qp{qp}", ["--qp", str(qp), *VARIANTS[variant]])
+        rows.append(measure(subject, point))
+    return [row for row in rows if "bytes" in row]
+
+
+def _inter_bytes(row: Figures) -> float:
+    return float(sum(size for kind, size in row["bytes_by_frame_type"].items() if kind != "I"))
+
+
+def compare(default: list[Figures], rows: list[Figures]) -> Figures:
+    """Bytes at equal PSNR against the default, in percent, of whole files and of P-frames; more at QP 28."""
+    found: Figures = {"bytes": [row["bytes"] for row in rows], "psnr": [row["psnr"] for row in rows]}
+    for name, size in (("file", lambda row: row["bytes"]), ("inter", _inter_bytes)):
+        delta = bd_delta([(size(r), r["psnr"]) for r in default], [(size(r), r["psnr"]) for r in rows])
+        found[f"bd_rate_{name}"] = None if delta is None else round(delta.bd_rate, 2)
+    medium = rows[1] if len(rows) == len(_QPS) else rows[0]
+    return found | {
+        "frame_types": medium["frame_types"],
+        "bytes_by_attribute": medium["bytes_by_attribute"],
+        "control_points": medium.get("control_points"),
+    }
+
+
+def main(arguments: Arguments[str] | None = None) -> None:
+    """Run and write the result after every scene."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", nargs="*", default=[], help="only these")
+    parser.add_argument("--variants", nargs="*", default=list(VARIANTS), help="only these")
+    args = parser.parse_args(arguments)
+    plan = PLANS["bench"]
+    results = known_results("motion")
+    for scene in group("evaluation"):
+        if scene.name in _WITHOUT_MOTION or not has_asset(scene.asset):
+            continue
+        if args.scenes and scene.name not in args.scenes:
+            continue
+        subject = subject_of(scene, plan.max_frames, plan.views)
+        default = _points(subject, _DEFAULT)
+        found = results.setdefault(scene.name, {})
+        found[_DEFAULT] = compare(default, default)
+        for variant in args.variants:
+            found[variant] = compare(default, _points(subject, variant))
+            print(
+                scene.name,
+                variant,
+                found[variant]["bd_rate_file"],
+                found[variant]["bd_rate_inter"],
+                flush=True,
+            )
+        path = write_result("motion", {"qps": list(_QPS), "variants": VARIANTS}, results)
+    print(path)
+
+
+if __name__ == "__main__":
+    main()
