@@ -47,19 +47,15 @@ def stride_points(num_gaussians: int, count: int) -> Int64:
     return places[places < num_gaussians][:count]
 
 
-@dataclass
-class _Buckets:
-    """Runs of Gaussians with their bounding boxes and the largest distance to a chosen point."""
-
-    low: Int64
-    high: Int64
-    farthest: Int64
-
-
-def _buckets(cells: Int64) -> _Buckets:
-    starts = np.arange(0, len(cells), _BUCKET)
-    low, high = np.minimum.reduceat(cells, starts), np.maximum.reduceat(cells, starts)
-    return _Buckets(low, high, np.full(len(starts), np.iinfo(np.int64).max))
+def _outside(low: Int64, high: Int64, point: list[int]) -> Int64:
+    """Squared distance (buckets,) of `point` to the boxes between `low` and `high`, (3, buckets) each."""
+    total = np.zeros(low.shape[1], np.int64)
+    for axis in range(3):
+        apart = np.maximum(low[axis] - point[axis], point[axis] - high[axis])
+        np.maximum(apart, 0, out=apart)
+        apart *= apart
+        total += apart
+    return total
 
 
 def farthest_points(cells: Int64, count: int) -> Int64:
@@ -68,23 +64,36 @@ def farthest_points(cells: Int64, count: int) -> Int64:
     Begins with Gaussian 0; each next one is the farthest from all before it, the first of equals. Ends early
     when every Gaussian coincides with a chosen one.
     """
-    buckets = _buckets(cells)
+    starts = np.arange(0, len(cells), _BUCKET)
+    # column by column: numpy's sums over a short last axis are slow
+    columns = np.ascontiguousarray(cells.T)
+    low, high = np.minimum.reduceat(columns, starts, axis=1), np.maximum.reduceat(columns, starts, axis=1)
+    farthest = np.full(len(starts), np.iinfo(np.int64).max)
     distance = np.full(len(cells), np.iinfo(np.int64).max)
     chosen = [0]
     while len(chosen) < count:
-        point = cells[chosen[-1]]
-        outside = np.maximum(np.maximum(buckets.low - point, point - buckets.high), 0)
+        point = cells[chosen[-1]].tolist()
         # a bucket whose box is farther away than its farthest Gaussian is from the set cannot change
-        for b in np.flatnonzero((outside * outside).sum(axis=1) < buckets.farthest).tolist():
+        for b in np.flatnonzero(_outside(low, high, point) < farthest).tolist():
             rows = slice(b * _BUCKET, (b + 1) * _BUCKET)
-            difference = cells[rows] - point
-            np.minimum(distance[rows], (difference * difference).sum(axis=1), out=distance[rows])
-            buckets.farthest[b] = distance[rows].max()
-        best = int(buckets.farthest.argmax())
-        if buckets.farthest[best] == 0:
+            _approach(distance[rows], columns[:, rows], point)
+            farthest[b] = distance[rows].max()
+        best = int(farthest.argmax())
+        if farthest[best] == 0:
             break
         chosen.append(best * _BUCKET + int(distance[best * _BUCKET : (best + 1) * _BUCKET].argmax()))
     return np.array(chosen, np.int64)
+
+
+def _approach(distance: Int64, columns: Int64, point: list[int]) -> None:
+    """Lower squared distances (rows,) of `columns` (3, rows) to those to `point`."""
+    total = columns[0] - point[0]
+    total *= total
+    for axis in (1, 2):
+        apart = columns[axis] - point[axis]
+        apart *= apart
+        total += apart
+    np.minimum(distance, total, out=distance)
 
 
 def distinct_points(cells: Int64, points: Int64) -> Int64:
