@@ -1,5 +1,10 @@
 from __future__ import annotations
 
+import pytest
+
+pytest.importorskip("bjontegaard")
+pytest.importorskip("numba")
+
 from evaluation.motion import VARIANTS, compare
 
 
