@@ -206,3 +206,20 @@ def test_interrupt_leaves_nothing_behind(jobs: str, tmp_path: Path) -> None:
     assert process.returncode == 1
     assert "interrupted" in message
     assert [path.name for path in tmp_path.iterdir()] == ["frames"]
+
+
+def test_gof_size_is_auto_or_a_number(frames_dir: Path, tmp_path: Path) -> None:
+    refused = dfcgs("encode", frames_dir, tmp_path / "a.dgs", "--gof-size", "many")
+    assert refused.returncode == 2
+    assert "neither auto nor a number" in refused.stderr
+
+
+def test_motion_can_be_left_out(frames_dir: Path, tmp_path: Path) -> None:
+    chunks = {}
+    for mode in ("off", "on"):
+        target = tmp_path / f"{mode}.dgs"
+        done = dfcgs("encode", frames_dir, target, "--motion", mode, "--control-points", "stride")
+        assert done.returncode == 0, done.stderr
+        chunks[mode] = json.loads(dfcgs("info", target, "--json").stdout)["bytes_by_chunk_type"]
+    assert "MOTION" not in chunks["off"]
+    assert chunks["on"]["MOTION"] > 0

@@ -12,7 +12,7 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.binding import Binding
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.inter import nonzero_rows
+from dfcgs_codec.codec.inter import nonzero_rows, num_blocks
 from dfcgs_codec.codec.motion import MotionShape, MotionSymbols
 from dfcgs_codec.codec.motion_field import FieldMotion, MotionField
 from dfcgs_codec.transform.control_points import CELL_LIMIT, control_cells, gather_from
@@ -116,7 +116,7 @@ class GofMotion:
 
     def history(self, block_log2: int) -> MotionSymbols:
         """The last motion symbols, modes zero where blocks were others."""
-        blocks = -(-len(self.symbols.follows) >> block_log2)
+        blocks = num_blocks(len(self.symbols.follows), block_log2)
         if len(self.symbols.modes) == blocks:
             return self.symbols
         return replace(self.symbols, modes=np.zeros(blocks, np.int64))

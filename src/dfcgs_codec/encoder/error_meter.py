@@ -20,8 +20,8 @@ _ATTRIBUTES = {
     "colour": (Attribute.SH_DC,),
     "sh": SH_BANDS,
 }
-#: planes that were aimed at, planes that were decoded
-_Known = tuple[list[object], list[Plane]]
+#: planes that were aimed at, planes that were decoded, float values that stand for these
+_Known = tuple[list[object], list[Plane], GaussianCloud | None]
 
 
 class ErrorMeter:
@@ -42,7 +42,7 @@ class ErrorMeter:
         found = {}
         for name, attributes in _ATTRIBUTES.items():
             present = [attribute for attribute in attributes if attribute in target]
-            key: _Known = ([target[a] for a in present], [state.planes[a] for a in present])
+            key: _Known = ([target[a] for a in present], [state.planes[a] for a in present], state.verbatim)
             known = self._known.get(name)
             if known is None or not _same(known[0], key):
                 field = ERROR_FIELDS[name]
@@ -55,4 +55,6 @@ class ErrorMeter:
 
 def _same(before: _Known, now: _Known) -> bool:
     old, new = [*before[0], *before[1]], [*now[0], *now[1]]
+    if before[2] is not now[2]:
+        return False
     return len(old) == len(new) > 0 and all(a is b for a, b in zip(old, new, strict=True))

@@ -177,9 +177,7 @@ class _Search:
 
 
 def choose_motion(task: MotionTask) -> MotionTrial | None:
-    """The motion that saves most bits, or None where none does."""
-    if not task.changed.any():
-        return None
+    """The motion that saves most bits, or None where none does; somebody must have changed."""
     search = _Search(task)
     best = min(search.candidates(), key=lambda candidate: candidate.bits)
     if best.bits >= search.rest and not task.is_forced:

@@ -34,6 +34,17 @@ def test_errors_are_those_of_the_decoded_values() -> None:
     assert all(found[name] is exact[name] for name in exact if name != "position")
 
 
+def test_float_values_are_not_taken_for_the_grid_s() -> None:
+    cloud = make_cloud(30)
+    coarse = UnitExponents(-4, -12, -12, -12)
+    members, meter = Members(np.arange(30), None), ErrorMeter(coarse)
+    target = members.target(Targets(coarse).planes(cloud))
+    state = FrameState({a: Plane(values) for a, values in target.items()}, verbatim=cloud)
+    assert meter.measure(cloud, members, target, state)["position"].maximum == 0
+    after = meter.measure(cloud, members, target, replace(state, verbatim=None))
+    assert after["position"].maximum > 0.01
+
+
 def test_another_input_is_measured_again() -> None:
     cloud = make_cloud(30)
     targets, members, meter = Targets(UNITS), Members(np.arange(30), None), ErrorMeter(UNITS)
