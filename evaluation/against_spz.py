@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec import GaussianCloud
-from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute
-from dfcgs_codec.bitstream.frame_headers import SortGrid
+from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute, ControlRule
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import SH_BANDS, output
+from dfcgs_codec.codec.gof_state import GofSetup
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.reconstruct import reconstruct_intra
 from dfcgs_codec.encoder.analysis import intra_symbols, order_of, plan_grid
@@ -34,6 +35,7 @@ from evaluation.record import write_result
 
 _SCENES = ("plant_114k_sh0.ply", "playbot_31k_sh2.ply", "playbot_125k_sh2.ply", "sushi_77k_sh3.ply")
 _UNITS = UnitExponents(position=-24, scale=-18, opacity=-18, color=-18)
+_SETUP = GofSetup(ControlHeader(ControlRule.FARTHEST, 70, 0), _UNITS)
 Errors = dict[str, npt.NDArray[np.floating]]
 
 
@@ -79,7 +81,7 @@ class IntraFrame:
         """Bytes of the frame's chunk, its checksum and hash included."""
         steps = _steps(real)
         symbols, grid, _ = self._symbols(steps)
-        return len(code_intra_frame(0, symbols, grid, steps).data)
+        return len(code_intra_frame(0, symbols, grid, steps, _SETUP).data)
 
 
 def _inside_clamps(cloud: GaussianCloud) -> dict[str, npt.NDArray[np.bool_]]:

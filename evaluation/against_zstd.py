@@ -14,7 +14,14 @@ from typing import Any
 from dfcgs_codec import EncoderOptions, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
 from dfcgs_codec.codec.decoder import DecodedFrame
-from dfcgs_codec.encoder.analysis import Planes, ZeroBin, inter_symbols, order_of, plan_grid
+from dfcgs_codec.encoder.analysis import (
+    Planes,
+    ResidualQuantiser,
+    ZeroBin,
+    inter_symbols,
+    order_of,
+    plan_grid,
+)
 from dfcgs_codec.encoder.canonical import choose_axis_names
 from dfcgs_codec.encoder.encoder import plan_sequence
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
@@ -50,7 +57,7 @@ def baseline_sizes(
 ) -> list[dict[str, int]]:
     """Bytes of the baseline by frame and attribute; `decoded` gives the closed loop of the turns."""
     targets = _targets(source, plan)
-    coding = (plan.quantisation, ZeroBin(0.5), BLOCK_LOG2)
+    quantiser = ResidualQuantiser(plan.quantisation, ZeroBin(0.5), BLOCK_LOG2)
     baseline = DeltaZstd(plan.quantisation.steps)
     sizes = []
     for index, planes in enumerate(targets):
@@ -58,7 +65,7 @@ def baseline_sizes(
             sizes.append(baseline.intra(planes))
             continue
         reference = decoded[index - 1].state
-        symbols = inter_symbols(planes, targets[index - 1], (reference, reference), coding)
+        symbols = inter_symbols(planes, targets[index - 1], (reference, reference), quantiser)
         turn = symbols.activity.get(Attribute.ROTATION)
         sizes.append(baseline.inter(planes, None if turn is None else turn.symbols))
     return sizes

@@ -14,6 +14,7 @@ import argparse
 from collections.abc import Sequence as Arguments
 from typing import Any
 
+from dfcgs_codec.encoder.rate_control import QUALITIES
 from evaluation.assets import has_asset
 from evaluation.bd import bd_delta
 from evaluation.bench import PLANS, known_results, subject_of
@@ -22,13 +23,14 @@ from evaluation.points import codec_point
 from evaluation.record import write_result
 from training.scenes.catalogue import group
 
-_QPS = {21: "high", 28: "medium", 34: "low"}
+_QPS = {QUALITIES[name]: name for name in ("high", "medium", "low")}
 _DEFAULT = "default"
 #: options of `dfcgs encode` by variant
 VARIANTS: dict[str, list[str]] = {
     "no motion": ["--motion", "off"],
     "motion forced": ["--motion", "on"],
     "motion only": ["--motion", "only"],
+    "uniform steps": ["--steps", "uniform"],
     "M = 35": ["--control-spacing", "35"],
     "M = 140": ["--control-spacing", "140"],
     "M = 280": ["--control-spacing", "280"],

@@ -16,7 +16,7 @@ from evaluation.record import REPOSITORY
 #: QPs between and beyond the presets, so that curves reach what the others offer
 _MORE_QPS = (40,)
 #: QPs of the curves beside the default one
-_OTHER_QPS = (21, 28, 34)
+_OTHER_QPS = tuple(QUALITIES[name] for name in ("high", "medium", "low"))
 #: our curves: label and further options of `dfcgs encode`
 CODEC_CURVES = {
     "dfcgs": ("dfcgs (default)", []),

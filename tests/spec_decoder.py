@@ -20,6 +20,7 @@ from typing import TypeVar
 STATE_LIMIT = 2**29 - 1
 GAUSSIAN, LAPLACE, HEAVY = 0, 1, 2
 POSITION, SCALE, ROTATION, OPACITY, SH_DC = 0, 1, 2, 3, 4
+MOTION, TOPOLOGY, VISIBILITY = 1, 2, 4
 COLUMNS = (3, 3, 4, 1, 3, 9, 15, 21)
 Row = list[int]
 Matrix = list[list[int]]
@@ -759,20 +760,77 @@ def inter_attribute(
     return Activity(symbols, density, magnitude)
 
 
-def reconstruct_inter(activity: dict[int, Activity], steps: dict[int, int], reference: State) -> State:
-    """9.3."""
+# --- 9.5 steps that follow visibility ---------------------------------------------------------------------
+
+OCTAVES_PER_LOG = 23637
+# fmt: off
+ALPHA_WEIGHTS = (
+    -364, -352, -341, -329, -317, -306, -294, -283, -271, -260, -248, -237, -225, -214, -203, -191,
+    -180, -169, -157, -146, -135, -124, -114, -103, -93, -83, -74, -65, -56, -49, -41, -35,
+    -29, -24, -20, -16, -13, -10, -8, -7, -5, -4, -3, -3, -2, -2, -1, -1,
+    -1, -1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+)
+ROUNDNESS_WEIGHTS = (-81, -30, -5, 12, 25, 37, 47, 56, 66, 74, 83, 91, 99, 108, 116, 124)
+MULTIPLIERS = (256, 304, 362, 431, 512, 609, 724, 861, 1024, 1218, 1448, 1722, 2048)
+# fmt: on
+
+
+def visibility_weight(attribute: int, s: Row, o: int, exponents: dict[int, int]) -> int:
+    """Of a Gaussian, from its SCALE and OPACITY."""
+    shift = clip(10 - exponents[SCALE], 0, 63)
+    _, middle, longest = sorted((OCTAVES_PER_LOG * c) >> shift for c in s)
+    quarter = expand(o, exponents[OPACITY]) >> (-2 - exponents[OPACITY])
+    alpha = ALPHA_WEIGHTS[clip(quarter + 32, 0, 63)]
+    area, ratio = longest + middle, longest - middle
+    roundness = ROUNDNESS_WEIGHTS[ratio >> 2] if ratio >> 2 < 16 else 2 * ratio
+    if attribute == POSITION:
+        return alpha
+    if attribute == OPACITY:
+        return area
+    return alpha + area + (roundness if attribute == ROTATION else 0)
+
+
+def coarser(changes: Matrix, multipliers: Row) -> Matrix:
+    """Of each Gaussian's changes, with its multiplier."""
+    return [
+        [round_shift(change * multiplier, 8) for change in row]
+        for row, multiplier in zip(changes, multipliers, strict=True)
+    ]
+
+
+@dataclass
+class Steps:
+    """The steps of a P-frame, and its `visibility_level` of each attribute if it has the tool VISIBILITY."""
+
+    steps: dict[int, int]
+    levels: dict[int, int]
+    exponents: dict[int, int]
+
+    def changes(self, attribute: int, symbols: Matrix, reference: State) -> Matrix:
+        """9.3 and 9.4: what symbols are worth."""
+        changes = scaled(symbols, self.steps[attribute])
+        if attribute not in self.levels:
+            return changes
+        multipliers = []
+        for s, (o,) in zip(reference.planes[SCALE], reference.planes[OPACITY], strict=True):
+            weight = visibility_weight(attribute, s, o, self.exponents)
+            multipliers.append(MULTIPLIERS[clip((self.levels[attribute] - weight) >> 3, 0, 12)])
+        return coarser(changes, multipliers)
+
+
+def reconstruct_inter(activity: dict[int, Activity], steps: Steps, reference: State) -> State:
+    """9.3; SCALE and OPACITY of the predicted frame are those of the reference frame (9.5)."""
     if not activity:
         return reference
     planes = dict(reference.planes)
     for attribute, found in activity.items():
-        plane, step = planes[attribute], steps[attribute]
+        plane, changes = planes[attribute], steps.changes(attribute, found.symbols, reference)
         if attribute == ROTATION:
             planes[attribute] = [
-                normalise(multiply(q, from_stereo([c * step for c in r]))) if any(r) else q
-                for q, r in zip(plane, found.symbols, strict=True)
+                normalise(multiply(q, from_stereo(change))) if any(r) else q
+                for q, r, change in zip(plane, found.symbols, changes, strict=True)
             ]
         else:
-            changes = scaled(found.symbols, step)
             planes[attribute] = in_range(
                 [[a + b for a, b in zip(*rows, strict=True)] for rows in zip(plane, changes, strict=True)]
             )
@@ -1191,9 +1249,8 @@ class Gof:
         self.anchors, self.lods = anchors, Lods(len(anchors), anchors)
 
     def keep(self, kept: Row, block_log2: int) -> None:
-        """15.2; the state no longer holds float32 values in any case (9.3)."""
+        """15.2."""
         if len(kept) == len(self.anchors):
-            self.state = State(self.state.planes, self.state.order)
             return
         planes = {a: [plane[i] for i in kept] for a, plane in self.state.planes.items()}
         order = None
@@ -1267,7 +1324,7 @@ class Frame:
 
 def sequence_header(fields: Fields) -> Sequence:
     version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
-    require(version == 3 and profile == 0 and level in (1, 2, 3) and sh_degree <= 3 and order <= 2)
+    require(version == 4 and profile == 0 and level in (1, 2, 3) and sh_degree <= 3 and order <= 2)
     num_frames = fields.uvarint()
     fields.uvarint()
     require(num_frames > 0 and fields.uvarint() > 0)
@@ -1397,17 +1454,23 @@ class Decoder:
     def _inter_frame(self, fields: Fields, frame_index: int, gof: Gof) -> bytes:
         frame_hash, tools, mask = fields.raw(16), fields.u8(), fields.u8()
         attributes = [a for a in self.sequence.attributes if mask >> a & 1]
-        require(tools < 4 and mask < 1 << len(self.sequence.attributes))
+        require(tools < 8 and mask < 1 << len(self.sequence.attributes))
+        require(mask > 0 or not tools & VISIBILITY)
         block_log2 = fields.u8() if tools or mask else 3
         steps = {attribute: fields.uvarint() for attribute in attributes}
+        levels = {attribute: fields.svarint() for attribute in attributes if tools & VISIBILITY}
+        require(all(abs(level) <= STATE_LIMIT for level in levels.values()))
         require(fields.place == len(fields.data))
+        if tools:
+            # 9.3: no float32 values with any tool, VISIBILITY alone included
+            gof.state = State(gof.state.planes, gof.state.order)
         topology, motion = None, None
-        if tools & 2:
+        if tools & TOPOLOGY:
             n = len(gof.state.positions)
             topology = topology_chunk(self._following(0x23, frame_index), self.sequence, n)
             gof.keep(topology.kept, block_log2)
         reference = gof.state.positions
-        if tools & 1:
+        if tools & MOTION:
             motion = gof.motion.decode(self._following(0x22, frame_index), block_log2)
             gof.state = gof.motion.carry(gof.state, motion.follows)
         activity: dict[int, Activity] = {}
@@ -1415,7 +1478,7 @@ class Decoder:
             beside = motion.beside() if motion else None
             activity = residual(self._following(0x24, frame_index), gof, attributes, (block_log2, beside))
         gof.history = activity
-        gof.state = reconstruct_inter(activity, steps, gof.state)
+        gof.state = reconstruct_inter(activity, Steps(steps, levels, self.sequence.exponents), gof.state)
         if motion:
             gof.motion.learn(reference, gof.state.positions)
         if topology:

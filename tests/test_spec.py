@@ -49,7 +49,7 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.codec.gof_state import GofState
+from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.motion import MotionSymbols, classify_modes
@@ -674,16 +674,17 @@ def _random_intra(
     rng: np.random.Generator, index: int, attributes: list[Attribute], header: SequenceHeader
 ) -> frame_coding.CodedFrame:
     count = int(rng.integers(1, rng.choice([20, 200])))
+    setup = GofSetup(_random_control(rng), header.unit_exponents)
     if rng.random() < 0.3:
         permutation = rng.permutation(count) if rng.random() < 0.5 else None
         state = state_of(_cloud(rng, count, header.sh_degree), header.unit_exponents)
-        return frame_coding.code_verbatim_frame(index, state, permutation, _random_control(rng))
+        return frame_coding.code_verbatim_frame(index, state, permutation, setup)
     grid = _random_grid(rng)
     steps = {attribute: int(rng.integers(1, 400)) for attribute in attributes}
     # beyond the cube of the stereographic vector, too
     steps[Attribute.ROTATION] = int(rng.integers(1, 6000))
     symbols = _intra_symbols(rng, count, header.sh_degree, grid)
-    return frame_coding.code_intra_frame(index, symbols, grid, steps, _random_control(rng))
+    return frame_coding.code_intra_frame(index, symbols, grid, steps, setup)
 
 
 def _random_inter(
@@ -699,7 +700,11 @@ def _random_inter(
     symbols = _inter_symbols(rng, present, state.frame.num_gaussians, block_log2)
     steps = {attribute: int(rng.integers(1, 3000)) for attribute in attributes}
     trial = _random_motion(rng, state, block_log2)
-    coded = frame_coding.code_inter_frame(index, symbols, state, (steps, block_log2), trial, change)
+    levels = {}
+    if rng.random() < 0.6:
+        levels = {attribute: int(rng.integers(-500, 500)) for attribute in attributes}
+    coding = frame_coding.ResidualCoding(steps, block_log2, levels)
+    coded = frame_coding.code_inter_frame(index, symbols, state, coding, trial, change)
     for activity in coded.state.history.activity.values():
         np.clip(activity.magnitude, 0, 23, out=activity.magnitude)
     return coded
@@ -773,8 +778,8 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_PLAIN[: _CHUNKS[4]] + _PLAIN[_CHUNKS[5] :], "corrupt"),
         (_PLAIN[: _CHUNKS[1]] + _PLAIN[8:], "corrupt"),
         (_PLAIN[:100] + b"!" + _PLAIN[101:], "corrupt"),
-        (_patched("bitstream_version", b"\1"), "unsupported"),
-        (_patched("bitstream_version", b"\4"), "unsupported"),
+        (_patched("bitstream_version", bytes([constants.BITSTREAM_VERSION - 1])), "unsupported"),
+        (_patched("bitstream_version", bytes([constants.BITSTREAM_VERSION + 1])), "unsupported"),
         (_patched("profile", b"\1"), "unsupported"),
         (_patched("profile", b"\2"), "unsupported"),
         (_patched("level", b"\0"), "unsupported"),
@@ -813,6 +818,8 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("stream of POSITION", b"\xff" * 4), "corrupt"),
         (_patched("tools", b"\x81"), "unsupported"),
         (_patched("tools", b"\0"), "corrupt"),
+        (_patched("tools", b"\1"), "corrupt"),
+        (_patched("visibility_level of POSITION", b"\x80\0"), "corrupt"),
         (_patched("num_coded", b"\4"), "limit"),
         (_patched("temporal_weight", b"\5"), "limit"),
         (_patched("translation_step", b"\0"), "corrupt"),

@@ -101,6 +101,10 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.all_changing(helpers.clustered_cloud(90, 1), 3),
             EncoderOptions(bounds=(Bound("position", 0.001), Bound("alpha", 0.01))),
         ),
+        "uniform_steps": (
+            helpers.all_changing(helpers.make_cloud(70, 1), 3),
+            EncoderOptions(visibility=False),
+        ),
         "motion": (_waving(900, 4), EncoderOptions(control_spacing=20)),
         "motion_by_stride": (
             _waving(600, 3),
@@ -253,7 +257,7 @@ def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
         "text_mode": (valid.replace(b"\r\n", b"\n", 1), "NotADgsFile"),
         "foreign_glps": (b"glps" + valid[4:], "NotADgsFile"),
         "trailing_bytes": (valid + b"more", "CorruptBitstream"),
-        "version_2": (_chunks_with(valid, _in_chunk(header, 0, 2)), "UnsupportedBitstream"),
+        "version_3": (_chunks_with(valid, _in_chunk(header, 0, 3)), "UnsupportedBitstream"),
         "version_200": (_chunks_with(valid, _in_chunk(header, 0, 200)), "UnsupportedBitstream"),
         "unknown_profile": (_chunks_with(valid, _in_chunk(header, 1, 9)), "UnsupportedBitstream"),
         "paper_profile": (_chunks_with(valid, _in_chunk(header, 1, 1)), "UnsupportedBitstream"),

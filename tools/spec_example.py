@@ -26,6 +26,7 @@ from dfcgs_codec.bitstream.constants import (
     IntraKind,
     OutputOrder,
     Profile,
+    Tool,
 )
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
@@ -34,6 +35,7 @@ from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec import gof_decoder
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
+from dfcgs_codec.codec.gof_state import GofSetup
 from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.motion import MIXED, MotionSymbols
@@ -87,6 +89,9 @@ _CONTROL = ControlHeader(ControlRule.STRIDE, spacing=1, shift=1)
 _MOTION = MotionHeader(num_coded=1, temporal_weight=0, translation_step=2, turn_step=4096)
 _CONTROL_SYMBOLS = [[1, -1, 0, 0, 0, 2], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]
 _FOLLOWS = [False, True, False]
+#: the position of the second Gaussian, whose alpha is lower, has coarser steps
+_LEVELS = {attribute: 0 if attribute == Attribute.POSITION else -1000 for attribute in _STEPS}
+_RESIDUAL = frame_coding.ResidualCoding(_STEPS, _BLOCK_LOG2, _LEVELS)
 _GRID = SortGrid(shift=0, bits=2, origin=(-1, 0, 2), has_excess=False)
 _INTRA = {
     Attribute.POSITION: [[-1, 0, 2], [0, 0, 4], [2, 3, 3]],
@@ -163,9 +168,11 @@ def build() -> bytes:
     planes = {attribute: np.array(rows, np.int64) for attribute, rows in _INTRA.items()}
     symbols = IntraSymbols(planes, np.array(_PERMUTATION, np.int64))
     with mock.patch.object(streams, "SymbolWriter", PlainWriter):
-        intra = frame_coding.code_intra_frame(0, symbols, _GRID, _STEPS, _CONTROL)
+        intra = frame_coding.code_intra_frame(
+            0, symbols, _GRID, _STEPS, GofSetup(_CONTROL, _HEADER.unit_exponents)
+        )
         trial = _motion(intra)
-        inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra.state, (_STEPS, _BLOCK_LOG2), trial)
+        inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra.state, _RESIDUAL, trial)
     writer.gof(0, [intra.data, inter.data])
     writer.finish()
     return file.getvalue()
@@ -260,6 +267,8 @@ def _inter_frame(trace: _Tracer) -> list[str]:
         trace.number("u8", "block_log2")
     for name in names:
         trace.number("uvarint", f"step of {name}")
+    for name in names if tools >> Tool.VISIBILITY & 1 else []:
+        trace.number("svarint", f"visibility_level of {name}")
     return names
 
 

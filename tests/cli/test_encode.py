@@ -15,7 +15,16 @@ import pytest
 
 from dfcgs_codec import decode_sequence, probe
 from tests.cli.conftest import NUM_FRAMES
-from tests.helpers import dfcgs, drifting, make_cloud, ply_table, real_cloud, write_frames, write_table
+from tests.helpers import (
+    all_changing,
+    dfcgs,
+    drifting,
+    make_cloud,
+    ply_table,
+    real_cloud,
+    write_frames,
+    write_table,
+)
 
 
 def fails(done: subprocess.CompletedProcess[str], code: int, *words: str) -> None:
@@ -212,6 +221,17 @@ def test_gof_size_is_auto_or_a_number(frames_dir: Path, tmp_path: Path) -> None:
     refused = dfcgs("encode", frames_dir, tmp_path / "a.dgs", "--gof-size", "many")
     assert refused.returncode == 2
     assert "neither auto nor a number" in refused.stderr
+
+
+def test_steps_can_be_the_same_for_all(tmp_path: Path) -> None:
+    frames_dir = write_frames(tmp_path / "frames", all_changing(real_cloud(300), 4))
+    sizes = {}
+    for steps in ("visibility", "uniform"):
+        target = tmp_path / f"{steps}.dgs"
+        assert dfcgs("encode", frames_dir, target, "--steps", steps, "--verify").returncode == 0
+        frames = json.loads(dfcgs("info", target, "--json").stdout)["frames"]
+        sizes[steps] = sum(frame["num_bytes"] for frame in frames if frame["frame_type"] != "I")
+    assert sizes["visibility"] < sizes["uniform"]
 
 
 def test_motion_can_be_left_out(frames_dir: Path, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from dfcgs_codec import Bound, EncoderOptions, GaussianCloud, InputError, decode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder
+from dfcgs_codec.codec.visibility import MULTIPLIERS
 from dfcgs_codec.encoder.encoder import plan_sequence
 from dfcgs_codec.sequence import MemorySource, open_folder
 from tests.helpers import (
@@ -45,7 +46,7 @@ from tests.helpers import (
 
 INPUT, SEQUENCE, FREE = OutputOrder.INPUT, OutputOrder.SEQUENCE, OutputOrder.FREE
 #: index by index and axis by axis comparable with the input
-PLAIN = EncoderOptions(order=INPUT, keep_axes=True)
+PLAIN = EncoderOptions(order=INPUT, keep_axes=True, visibility=False)
 
 SEQUENCES: dict[str, Callable[[], list[GaussianCloud]]] = {
     "one Gaussian": lambda: drifting(make_cloud(1, 1), 4),
@@ -72,7 +73,7 @@ SEQUENCES: dict[str, Callable[[], list[GaussianCloud]]] = {
 
 
 def steps_of(frames: list[GaussianCloud], options: EncoderOptions) -> dict[Attribute, float]:
-    """Quantiser steps in the attributes' own units."""
+    """The coarsest quantiser steps in the attributes' own units."""
     plan = plan_sequence(MemorySource(frames), options)
     units, steps = plan.header.unit_exponents, plan.quantisation.steps
     exponents = {
@@ -81,7 +82,8 @@ def steps_of(frames: list[GaussianCloud], options: EncoderOptions) -> dict[Attri
         Attribute.ROTATION: -18,
         Attribute.OPACITY: units.opacity,
     }
-    return {a: (step + 1) * 2.0 ** exponents.get(a, units.color) for a, step in steps.items()}
+    coarser = MULTIPLIERS[-1] / MULTIPLIERS[0] if options.visibility else 1.0
+    return {a: coarser * (step + 1) * 2.0 ** exponents.get(a, units.color) for a, step in steps.items()}
 
 
 def check_close(
@@ -122,9 +124,12 @@ def test_decoder_and_encoder_agree(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", SEQUENCES)
 @pytest.mark.parametrize("keep_axes", [True, False])
-def test_input_order_matches_the_input_index_by_index(name: str, keep_axes: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize("visibility", [True, False])
+def test_input_order_matches_the_input_index_by_index(
+    name: str, keep_axes: bool, visibility: bool, tmp_path: Path
+) -> None:
     frames = SEQUENCES[name]()
-    options = EncoderOptions(order=INPUT, gof_size=2, keep_axes=keep_axes)
+    options = EncoderOptions(order=INPUT, gof_size=2, keep_axes=keep_axes, visibility=visibility)
     steps = steps_of(frames, options)
     for source, decoded in zip(frames, round_trip(frames, tmp_path / "a.dgs", options), strict=True):
         check_close(source, decoded, steps)
@@ -136,7 +141,7 @@ def test_input_order_matches_the_input_index_by_index(name: str, keep_axes: bool
 @pytest.mark.parametrize("name", ["33 Gaussians", "trained", "untracked", "lost order", "changed count"])
 def test_free_order_holds_the_same_gaussians(name: str, tmp_path: Path) -> None:
     frames = SEQUENCES[name]()
-    options = EncoderOptions(order=FREE)
+    options = EncoderOptions(order=FREE, visibility=False)
     steps = steps_of(frames, options)
     for source, decoded in zip(frames, round_trip(frames, tmp_path / "a.dgs", options), strict=True):
         check_close(source.take(match(source, decoded)), decoded, steps)

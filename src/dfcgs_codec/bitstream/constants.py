@@ -8,7 +8,7 @@ from typing import NamedTuple
 MAGIC = b"\x89DGS\r\n\x1a\n"
 #: first bytes of another package's `.dgs` files (dgs-py: one static scene with linear velocities)
 FOREIGN_MAGIC = b"glps"
-BITSTREAM_VERSION = 3
+BITSTREAM_VERSION = 4
 
 #: chunk types with this bit set may be skipped when unknown
 ANCILLARY_BIT = 0x80
@@ -85,6 +85,7 @@ class Tool(IntEnum):
 
     MOTION = 0
     TOPOLOGY = 1
+    VISIBILITY = 2
 
 
 class Attribute(IntEnum):

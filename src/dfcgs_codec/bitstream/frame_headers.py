@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from dfcgs_codec.bitstream.constants import (
     FRAME_HASH_BYTES,
@@ -157,21 +157,28 @@ def _read_block_log2(reader: ByteReader) -> int:
 
 @dataclass(frozen=True)
 class InterHeader:
-    """Payload of an INTER_FRAME chunk; without tools and steps the frame repeats its reference."""
+    """Payload of an INTER_FRAME chunk; without tools and steps the frame repeats its reference.
+
+    `visibility`: with that tool the weight of each attribute that has steps at which they are as given,
+    sixteenths of an octave.
+    """
 
     frame_hash: bytes
     tools: frozenset[Tool]
     block_log2: int
     steps: dict[Attribute, int]
+    visibility: dict[Attribute, int] = field(default_factory=dict)
 
     def write(self, writer: ByteWriter) -> None:
-        """Hash, tools and attribute mask; block size where one of them is not zero; steps."""
+        """Hash, tools and attribute mask; block size where one of them is not zero; steps; levels."""
         writer.raw(self.frame_hash)
         writer.u8(sum(1 << tool for tool in self.tools))
         writer.u8(sum(1 << attribute for attribute in self.steps))
         if self.steps or self.tools:
             writer.u8(self.block_log2)
         write_steps(writer, self.steps)
+        for attribute in sorted(self.visibility):
+            writer.svarint(self.visibility[attribute])
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> InterHeader:
@@ -187,6 +194,14 @@ class InterHeader:
         present = [a for a in coded_attributes(sequence.sh_degree) if mask >> a & 1]
         if sum(1 << a for a in present) != mask:
             raise CorruptBitstream(f"attribute_mask {mask:#x} names unknown attributes", offset=offset)
+        if not mask and Tool.VISIBILITY in tools:
+            raise CorruptBitstream("VISIBILITY without attributes", offset=offset)
         if not mask and not tools:
             return InterHeader(frame_hash, tools, 0, {})
-        return InterHeader(frame_hash, tools, _read_block_log2(reader), read_steps(reader, present))
+        block_log2, steps = _read_block_log2(reader), read_steps(reader, present)
+        visibility = {}
+        for attribute in present if Tool.VISIBILITY in tools else []:
+            offset = reader.offset
+            visibility[attribute] = reader.svarint()
+            at_most(abs(visibility[attribute]), STATE_LIMIT, "visibility_level", offset)
+        return InterHeader(frame_hash, tools, block_log2, steps, visibility)

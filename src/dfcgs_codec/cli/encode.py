@@ -77,6 +77,7 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         motion=MotionMode(values["motion"]),
         control_rule=_CONTROL_RULES[values["control_points"]],
         control_spacing=values["control_spacing"],
+        visibility=values["steps"] == "visibility",
         intra=IntraKind[values["intra"].upper()],
         order=OutputOrder[values["order"].upper()],
         frame_rate=values["fps"],
@@ -151,6 +152,13 @@ def _summary(report: EncodeReport, target: Path) -> str:
 )
 @click.option(
     "--control-spacing", type=int, default=70, show_default=True, help="Gaussians to a control point."
+)
+@click.option(
+    "--steps",
+    type=click.Choice(["visibility", "uniform"]),
+    default="visibility",
+    show_default=True,
+    help="Steps of residuals: coarser for Gaussians that show less, or one for all.",
 )
 @click.option(
     "--intra",

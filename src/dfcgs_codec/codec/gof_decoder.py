@@ -15,7 +15,7 @@ from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.compensation import Carried
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.gof_state import GofState
+from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.inter import InterShape, InterSymbols, code_inter
 from dfcgs_codec.codec.intra import IntraShape, code_intra
 from dfcgs_codec.codec.motion import NUM_MOTION_STREAMS, MotionSymbols, code_motion
@@ -85,7 +85,9 @@ class GofDecoder:
         reader = self._container.payload(head)
         header = IntraHeader.read(reader, self._sequence)
         frame = decode_intra(reader, header, self._sequence)
-        return self._keep(GofState.of_intra(frame, header.control, header.steps), header.frame_hash, head)
+        setup = GofSetup(header.control, self._sequence.unit_exponents)
+        state = GofState.of_intra(frame, setup, header.steps)
+        return self._keep(state, header.frame_hash, head)
 
     def inter(self, head: ChunkHead, next_chunk: Callable[[], ChunkHead]) -> FrameState:
         """Decode an INTER_FRAME chunk and the chunks that belong to it."""
@@ -109,7 +111,9 @@ class GofDecoder:
             chunk = self._open(head, next_chunk(), ChunkType.RESIDUAL)
             symbols = _read_residual(chunk, state, header, None if carried is None else carried[1])
         predicted = state.frame if carried is None else carried[0].state
-        state = state.after(reconstruct_inter(symbols, header.steps, predicted), symbols, carried)
+        coarser = state.visibility.all_multipliers(header.visibility)
+        frame = reconstruct_inter(symbols, header.steps, predicted, coarser)
+        state = state.after(frame, symbols, carried)
         if topology is not None:
             state = topology.finish(state, header.block_log2)
         return self._keep(state, header.frame_hash, head)

@@ -9,12 +9,14 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.compensation import Carried, ControlSource, GofMotion
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.inter import InterSymbols
 from dfcgs_codec.codec.motion import MotionSymbols
 from dfcgs_codec.codec.reconstruct import gof_levels
 from dfcgs_codec.codec.topology import insertion
+from dfcgs_codec.codec.visibility import Visibility
 from dfcgs_codec.transform.lod import GofLevels
 from dfcgs_codec.transform.rotation import round_divide
 
@@ -22,24 +24,34 @@ Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
+class GofSetup:
+    """What an I-frame's state does not say of its GoF: its control points and the units of the grids."""
+
+    control: ControlHeader
+    units: UnitExponents
+
+
+@dataclass(frozen=True)
 class GofState:
     """The decoded `frame`, its levels of detail, the symbols before, control points and their motion.
 
-    `position_step`: that of the I-frame, 1 where it has none.
+    `position_step`: that of the I-frame, 1 where it has none; `visibility`: of the frame.
     """
 
     frame: FrameState
     levels: GofLevels
     control: ControlSource
     position_step: int
+    visibility: Visibility
     history: InterSymbols = field(default_factory=InterSymbols)
     moved: GofMotion | None = None
 
     @staticmethod
-    def of_intra(frame: FrameState, control: ControlHeader, steps: dict[Attribute, int]) -> GofState:
+    def of_intra(frame: FrameState, setup: GofSetup, steps: dict[Attribute, int]) -> GofState:
         """After the GoF's I-frame."""
-        source = ControlSource(frame.planes[Attribute.POSITION], control)
-        return GofState(frame, gof_levels(frame, steps), source, steps.get(Attribute.POSITION, 1))
+        source = ControlSource(frame.planes[Attribute.POSITION], setup.control)
+        step = steps.get(Attribute.POSITION, 1)
+        return GofState(frame, gof_levels(frame, steps), source, step, Visibility(frame, setup.units))
 
     def motion(self) -> GofMotion:
         """The motion of the GoF so far."""
@@ -49,9 +61,11 @@ class GofState:
         """Without the Gaussians that are not among the rows `kept`."""
         if len(kept) == self.frame.num_gaussians:
             return replace(self, frame=replace(self.frame, verbatim=None))
+        frame = self.frame.take(kept)
         return replace(
             self,
-            frame=self.frame.take(kept),
+            frame=frame,
+            visibility=self.visibility.of(frame),
             levels=self.levels.take(kept),
             history=self.history.merged(0, kept, block_log2),
             moved=self.motion().survivors(kept, block_log2),
@@ -64,7 +78,8 @@ class GofState:
         moved = self.moved
         if carried is not None:
             moved = self.motion().after(*carried, (self.frame, frame))
-        return replace(self, frame=frame, history=history, moved=moved)
+        visibility = self.visibility.of(frame)
+        return replace(self, frame=frame, visibility=visibility, history=history, moved=moved)
 
     def places_of_births(self, births: FrameState) -> Int64:
         """Which row of survivors, then births, stands where: births among those that are near."""
@@ -77,9 +92,11 @@ class GofState:
         motion = self.motion()
         positions = births.planes[Attribute.POSITION].wide()
         cells = motion.cells_of(positions)
+        frame = self.frame.merge(births, source)
         return replace(
             self,
-            frame=self.frame.merge(births, source),
+            frame=frame,
+            visibility=self.visibility.of(frame),
             levels=self.levels.merge(round_divide(positions, self.position_step), source),
             history=self.history.merged(len(positions), source, block_log2),
             moved=motion.with_births(cells, source, block_log2),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.inter import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.intra import IntraSymbols
+from dfcgs_codec.codec.visibility import MULTIPLIER_BITS
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.lod import GofLevels
 from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, normalise, round_divide
@@ -59,26 +61,40 @@ def gof_levels(state: FrameState, steps: dict[Attribute, int]) -> GofLevels:
     return GofLevels(round_divide(state.planes[Attribute.POSITION].wide(), step))
 
 
-def _turn(reference: Plane, symbols: Int64, step: int) -> Plane:
+def _coarser(changes: Int64, multipliers: Int64 | None) -> Int64:
+    """Changes (N, C) times multipliers (N, 1) in 256ths."""
+    if multipliers is None:
+        return changes
+    return (changes * multipliers + (1 << (MULTIPLIER_BITS - 1))) >> MULTIPLIER_BITS
+
+
+def _turn(reference: Plane, symbols: Int64, step: int, multipliers: Int64 | None) -> Plane:
     """Rotate about each Gaussian's own axes; rows without symbols keep their bits."""
     rows = np.flatnonzero(nonzero_rows(symbols))
     quaternions = reference.wide()
-    turned = multiply(quaternions[rows], from_stereo(scaled(symbols[rows], step)))
-    quaternions[rows] = normalise(turned)
+    vectors = _coarser(scaled(symbols[rows], step), None if multipliers is None else multipliers[rows])
+    quaternions[rows] = normalise(multiply(quaternions[rows], from_stereo(vectors)))
     return Plane(quaternions)
 
 
 def reconstruct_inter(
-    symbols: InterSymbols, steps: dict[Attribute, int], reference: FrameState
+    symbols: InterSymbols,
+    steps: dict[Attribute, int],
+    reference: FrameState,
+    multipliers: Mapping[Attribute, Int64] | None = None,
 ) -> FrameState:
-    """State of a P-frame; planes without symbols are the reference's own, and so is a whole skipped frame."""
+    """State of a P-frame; planes without symbols are the reference's own, and so is a whole skipped frame.
+
+    `multipliers`: by what 256ths the step of each Gaussian is coarser, (N, 1), where they are not one.
+    """
     if not symbols.activity:
         return reference
-    planes = dict(reference.planes)
+    planes, coarser = dict(reference.planes), multipliers or {}
     for attribute, activity in symbols.activity.items():
         plane, step = reference.planes[attribute], steps[attribute]
         if attribute == Attribute.ROTATION:
-            planes[attribute] = _turn(plane, activity.symbols, step)
+            planes[attribute] = _turn(plane, activity.symbols, step, coarser.get(attribute))
         else:
-            planes[attribute] = _in_range(plane.wide() + scaled(activity.symbols, step))
+            changes = _coarser(scaled(activity.symbols, step), coarser.get(attribute))
+            planes[attribute] = _in_range(plane.wide() + changes)
     return replace(reference, planes=planes, verbatim=None)

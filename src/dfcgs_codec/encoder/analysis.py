@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -99,18 +100,36 @@ def relative_rotation(target: Int64, reference: Int64, step: int) -> npt.NDArray
     return to_stereo(turn / ONE) * (STEREO_ONE / step)
 
 
-def _attribute_symbols(
-    attribute: Attribute, rows: Int64, target: Int64, reference: Int64, coding: tuple[int, ZeroBin]
-) -> Int64:
-    step, zero_bin = coding
-    columns = 3 if attribute == Attribute.ROTATION else target.shape[1]
-    symbols = np.zeros((len(target), columns), np.int64)
-    if attribute == Attribute.ROTATION:
-        turn = relative_rotation(target[rows], reference[rows], step)
-        symbols[rows] = zero_bin.quantise_real(turn)
-    else:
-        symbols[rows] = zero_bin.quantise(target[rows] - reference[rows], step)
-    return symbols
+@dataclass(frozen=True)
+class ResidualQuantiser:
+    """How a P-frame's residuals become symbols.
+
+    `multipliers`: by what 256ths the step of each Gaussian is coarser, (N, 1), where they are not one.
+    """
+
+    quantisation: Quantisation
+    zero_bin: ZeroBin
+    block_log2: int
+    multipliers: Mapping[Attribute, Int64] = field(default_factory=dict)
+
+    def symbols(self, attribute: Attribute, rows: Int64, target: Int64, reference: Int64) -> Int64:
+        """Symbols (N, C) of the Gaussians `rows`, 0 for the rest."""
+        step = self.quantisation.steps[attribute]
+        zero_bin = ZeroBin(0.5) if attribute in self.quantisation.bounded else self.zero_bin
+        multipliers = self.multipliers.get(attribute)
+        columns = 3 if attribute == Attribute.ROTATION else target.shape[1]
+        symbols = np.zeros((len(target), columns), np.int64)
+        if attribute != Attribute.ROTATION and multipliers is None:
+            symbols[rows] = zero_bin.quantise(target[rows] - reference[rows], step)
+            return symbols
+        if attribute == Attribute.ROTATION:
+            residual = relative_rotation(target[rows], reference[rows], step)
+        else:
+            residual = (target[rows] - reference[rows]) / step
+        if multipliers is not None:
+            residual = residual * (256.0 / multipliers[rows])
+        symbols[rows] = zero_bin.quantise_real(residual)
+        return symbols
 
 
 def moved_rows(attribute: Attribute, reference: FrameState, predicted: FrameState) -> Bool | None:
@@ -123,15 +142,13 @@ def inter_symbols(
     target: Planes,
     before: Planes,
     states: tuple[FrameState, FrameState],
-    coding: tuple[Quantisation, ZeroBin, int],
+    quantiser: ResidualQuantiser,
 ) -> InterSymbols:
     """Symbols of a P-frame; attributes without any are left out.
 
     `before` are the target planes of the previous frame, `states` the reference and what motion makes of it:
-    what has neither changed nor moved gets no symbols, whatever the distance to the reference. `coding` is
-    (quantisation, zero bin, block_log2).
+    what has neither changed nor moved gets no symbols, whatever the distance to the reference.
     """
-    quantisation, zero_bin, block_log2 = coding
     reference, predicted = states
     activity = {}
     for attribute, values in target.items():
@@ -142,9 +159,7 @@ def inter_symbols(
         changed = np.flatnonzero(differs if moved is None else differs | moved)
         if not len(changed):
             continue
-        bounded = attribute in quantisation.bounded
-        how = (quantisation.steps[attribute], ZeroBin(0.5) if bounded else zero_bin)
-        symbols = _attribute_symbols(attribute, changed, values, predicted.planes[attribute].wide(), how)
+        symbols = quantiser.symbols(attribute, changed, values, predicted.planes[attribute].wide())
         if symbols.any():
-            activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols, block_log2))
+            activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols, quantiser.block_log2))
     return InterSymbols(activity)

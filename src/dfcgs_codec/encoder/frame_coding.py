@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,6 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.container import write_chunk
 from dfcgs_codec.bitstream.frame_headers import (
-    ControlHeader,
     InterHeader,
     IntraHeader,
     SortGrid,
@@ -20,7 +19,7 @@ from dfcgs_codec.bitstream.io import ByteWriter
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.compensation import GofMotion
 from dfcgs_codec.codec.dpb import FrameState, Plane, verbatim_columns
-from dfcgs_codec.codec.gof_state import GofState
+from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.inter import InterShape, InterSymbols, code_inter
 from dfcgs_codec.codec.intra import IntraShape, IntraSymbols, code_intra
 from dfcgs_codec.codec.motion import code_motion
@@ -44,6 +43,24 @@ class CodedFrame:
     kind: str
     state: GofState
     source: Int64 | None = None
+
+
+@dataclass(frozen=True)
+class ResidualCoding:
+    """Steps of a P-frame's residual in grid units, and the weights at which Gaussians have just these.
+
+    Attributes without a `visibility` have these everywhere.
+    """
+
+    steps: dict[Attribute, int]
+    block_log2: int
+    visibility: dict[Attribute, int] = field(default_factory=dict)
+
+    def of(self, attributes: list[Attribute]) -> ResidualCoding:
+        """That of some of the attributes."""
+        steps = {attribute: self.steps[attribute] for attribute in attributes}
+        levels = {attribute: self.visibility[attribute] for attribute in attributes if self.visibility}
+        return replace(self, steps=steps, visibility=levels)
 
 
 @dataclass(frozen=True)
@@ -79,7 +96,7 @@ def code_intra_frame(
     symbols: IntraSymbols,
     grid: SortGrid,
     steps: dict[Attribute, int],
-    control: ControlHeader,
+    setup: GofSetup,
 ) -> CodedFrame:
     """A `coded` I-frame."""
     attributes = sorted(symbols.planes)
@@ -91,13 +108,13 @@ def code_intra_frame(
     state = reconstruct_intra(symbols, used)
     coded = streams.finish()
     lengths = tuple(map(len, coded))
-    header = IntraHeader(state.hash(), IntraKind.CODED, count, permuted, control, grid, used, lengths)
+    header = IntraHeader(state.hash(), IntraKind.CODED, count, permuted, setup.control, grid, used, lengths)
     chunk = _intra_chunk(frame_index, header, coded)
-    return CodedFrame(chunk, "I", GofState.of_intra(state, control, used))
+    return CodedFrame(chunk, "I", GofState.of_intra(state, setup, used))
 
 
 def code_verbatim_frame(
-    frame_index: int, state: FrameState, permutation: Int64 | None, control: ControlHeader
+    frame_index: int, state: FrameState, permutation: Int64 | None, setup: GofSetup
 ) -> CodedFrame:
     """A `ply` I-frame; `state` is that of its float values, in canonical order."""
     assert state.verbatim is not None
@@ -111,9 +128,9 @@ def code_verbatim_frame(
     ordered = FrameState(state.planes, order, state.verbatim)
     coded = streams.finish()
     lengths = tuple(map(len, coded))
-    header = IntraHeader(ordered.hash(), IntraKind.PLY, count, permuted, control, None, {}, lengths)
+    header = IntraHeader(ordered.hash(), IntraKind.PLY, count, permuted, setup.control, None, {}, lengths)
     chunk = _intra_chunk(frame_index, header, coded)
-    return CodedFrame(chunk, "I", GofState.of_intra(ordered, control, {}))
+    return CodedFrame(chunk, "I", GofState.of_intra(ordered, setup, {}))
 
 
 def _chunk_of_streams(kind: ChunkType, frame_index: int, head: ByteWriter, streams: list[bytes]) -> bytes:
@@ -166,16 +183,15 @@ def code_inter_frame(
     frame_index: int,
     symbols: InterSymbols,
     before: GofState,
-    coding: tuple[dict[Attribute, int], int],
+    coding: ResidualCoding,
     trial: MotionTrial | None = None,
     change: TopologyChange | None = None,
 ) -> CodedFrame:
-    """A P-frame after the frame that left `before`; `coding` is (steps, block_log2).
+    """A P-frame after the frame that left `before`.
 
     With a `change`, `before`, `symbols` and `trial` are those of the survivors.
     """
-    steps, block_log2 = coding
-    used = {attribute: steps[attribute] for attribute in sorted(symbols.activity)}
+    used, block_log2 = coding.of(sorted(symbols.activity)), coding.block_log2
     chunks: list[bytes] = []
     activity, carried, source = None, None, None
     predicted = before.frame
@@ -183,16 +199,22 @@ def code_inter_frame(
         chunks.append(_motion_chunk(frame_index, before.motion(), trial, block_log2))
         predicted, activity = trial.carried.state, trial.symbols.activity()
         carried = (trial.carried, trial.symbols)
-    if used:
-        shape = InterShape(list(used), predicted.num_gaussians, block_log2, before.levels, activity)
+    if used.steps:
+        shape = InterShape(list(used.steps), predicted.num_gaussians, block_log2, before.levels, activity)
         chunks.append(_residual_chunk(frame_index, symbols, before, shape))
-    state = before.after(reconstruct_inter(symbols, used, predicted), symbols, carried)
+    coarser = before.visibility.all_multipliers(used.visibility)
+    frame = reconstruct_inter(symbols, used.steps, predicted, coarser)
+    state = before.after(frame, symbols, carried)
     if change is not None:
         chunk, state, source = _topology(frame_index, change, state, block_log2)
         chunks.insert(0, chunk)
-    present = {Tool.MOTION: trial, Tool.TOPOLOGY: change}
-    tools = frozenset(tool for tool, used_for in present.items() if used_for is not None)
+    present = {
+        Tool.MOTION: trial is not None,
+        Tool.TOPOLOGY: change is not None,
+        Tool.VISIBILITY: bool(used.visibility),
+    }
+    tools = frozenset(tool for tool, is_used in present.items() if is_used)
     writer = ByteWriter()
-    InterHeader(state.frame.hash(), tools, block_log2, used).write(writer)
+    InterHeader(state.frame.hash(), tools, block_log2, used.steps, used.visibility).write(writer)
     data = write_chunk(ChunkType.INTER_FRAME, frame_index, writer.getvalue()) + b"".join(chunks)
     return CodedFrame(data, "P" if chunks else "skip", state, source)

@@ -10,9 +10,18 @@ from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
 from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.inter import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.topology import TopologySymbols
-from dfcgs_codec.encoder.analysis import Planes, ZeroBin, inter_symbols, intra_symbols, order_of, plan_grid
+from dfcgs_codec.codec.visibility import Visibility
+from dfcgs_codec.encoder.analysis import (
+    Planes,
+    ResidualQuantiser,
+    ZeroBin,
+    inter_symbols,
+    intra_symbols,
+    order_of,
+    plan_grid,
+)
 from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.frame_coding import CodedFrame, TopologyChange, code_inter_frame
+from dfcgs_codec.encoder.frame_coding import CodedFrame, ResidualCoding, TopologyChange, code_inter_frame
 from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
 from dfcgs_codec.encoder.options import MotionMode
@@ -22,6 +31,8 @@ from dfcgs_codec.transform.rotation import round_divide
 
 #: motion that seems to save less than this share of the bits is compared with none for real
 _SURE_SHARE = 0.15
+#: share of the Gaussians whose steps are coarser than given, because they show less than the rest
+_REFERENCE_RANK = 0.9
 
 
 @dataclass(frozen=True)
@@ -53,6 +64,7 @@ class InterCoder:
 
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
+        self._known_levels: tuple[Visibility, dict[Attribute, int]] | None = None
 
     def code(self, task: InterTask) -> tuple[CodedFrame, MotionHint | None]:
         """With motion or without, whichever is smaller, and what motion was best."""
@@ -93,15 +105,30 @@ class InterCoder:
     def _coded(self, task: InterTask, trial: MotionTrial | None) -> CodedFrame:
         quantisation, options = self._plan.quantisation, self._plan.options
         reference = task.state.frame
-        coding = (quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2)
+        levels = self._levels(task.state.visibility)
+        multipliers = task.state.visibility.all_multipliers(levels)
+        quantiser = ResidualQuantiser(quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2, multipliers)
         states = (reference, reference if trial is None else trial.carried.state)
         symbols = InterSymbols()
         if options.motion != MotionMode.ONLY:
-            symbols = inter_symbols(task.target, task.before, states, coding)
+            symbols = inter_symbols(task.target, task.before, states, quantiser)
         change = None if task.births is None else task.births.change
-        return code_inter_frame(
-            task.index, symbols, task.state, (quantisation.steps, BLOCK_LOG2), trial, change
-        )
+        coding = ResidualCoding(quantisation.steps, BLOCK_LOG2, levels)
+        return code_inter_frame(task.index, symbols, task.state, coding, trial, change)
+
+    def _levels(self, visibility: Visibility) -> dict[Attribute, int]:
+        """Weights at which steps are as given: few Gaussians show more; bounded steps are so for all."""
+        known = self._known_levels
+        if known is None or known[0] is not visibility:
+            steps, bounded = self._plan.steps, self._plan.quantisation.bounded
+            levels = {}
+            if self._plan.options.visibility and len(bounded) < len(steps):
+                for attribute in steps:
+                    weights = visibility.weights(attribute)
+                    rank = 0.0 if attribute in bounded else _REFERENCE_RANK
+                    levels[attribute] = int(np.quantile(weights, rank, method="lower"))
+            known = self._known_levels = (visibility, levels)
+        return known[1]
 
     def _motion(self, task: InterTask) -> MotionTrial | None:
         mode = self._plan.options.motion
@@ -113,8 +140,18 @@ class InterCoder:
             return None
         steps, forced = self._plan.steps, mode in (MotionMode.ON, MotionMode.ONLY)
         state = task.state
+        levels = self._levels(state.visibility)
+        multipliers = state.visibility.all_multipliers({a: levels[a] for a in moving if a in levels})
         return choose_motion(
             MotionTask(
-                state.motion(), state.frame, task.target, changed, steps, BLOCK_LOG2, forced, task.hint
+                state.motion(),
+                state.frame,
+                task.target,
+                changed,
+                steps,
+                BLOCK_LOG2,
+                multipliers,
+                forced,
+                task.hint,
             )
         )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -53,6 +53,7 @@ class MotionHint:
 class MotionTask:
     """A frame to be moved to: the GoF's motion so far, reference, target, who `changed` (N,), the steps.
 
+    `multipliers`: by what 256ths the steps of each Gaussian are coarser, (N, 1), where they are not one;
     `is_forced`: whether it moves, even where that does not pay; `hint`: what was best in the frame before.
     """
 
@@ -62,6 +63,7 @@ class MotionTask:
     changed: Bool
     steps: dict[Attribute, int]
     block_log2: int
+    multipliers: Mapping[Attribute, Int64] = field(default_factory=dict)
     is_forced: bool = False
     hint: MotionHint | None = None
 
@@ -107,7 +109,9 @@ class _Search:
 
     def __init__(self, task: MotionTask) -> None:
         self._task = task
-        self._judge = MotionJudge(task.motion, task.reference, task.target, task.changed, task.steps)
+        self._judge = MotionJudge(
+            task.motion, task.reference, task.target, task.changed, task.steps, task.multipliers
+        )
         self._moments = self._measure()
         self.rest = self._judge.bits(None, is_rigid=False)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import numpy.typing as npt
 
@@ -11,6 +13,7 @@ from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.encoder.analysis import Planes, relative_rotation
 from dfcgs_codec.transform.rigid import RigidMotion
 
+Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
@@ -41,12 +44,16 @@ class MotionJudge:
         target: Planes,
         changed: Bool,
         steps: dict[Attribute, int],
+        multipliers: Mapping[Attribute, Int64],
     ) -> None:
         rows = np.flatnonzero(changed)
         sample = rows[:: max(1, len(rows) // _SAMPLE)]
         self._scale = len(rows) / len(sample)
         self._binding = motion.binding.of_rows(sample)
-        self._steps = steps
+        self._steps = {
+            a: steps[a] * (multipliers[a][sample] / 256.0 if a in multipliers else np.ones((1, 1)))
+            for a in (Attribute.POSITION, Attribute.ROTATION)
+        }
         self._positions = reference.planes[Attribute.POSITION].values[sample].T.astype(np.float64)
         self._rotations = reference.planes[Attribute.ROTATION].values[sample].astype(np.int64)
         self._goal = target[Attribute.POSITION][sample].T - self._positions
@@ -59,6 +66,6 @@ class MotionJudge:
             error = error - self._binding.chosen(self._binding.moves(motion, self._positions))
         if motion is not None and is_rigid:
             rotations = turned(rotations, self._binding.turns(motion))
-        turns = relative_rotation(self._turned_goal, rotations, self._steps[Attribute.ROTATION])
+        turns = relative_rotation(self._turned_goal, rotations, 1) / self._steps[Attribute.ROTATION]
         bits = residual_bits(error.T / self._steps[Attribute.POSITION]) + residual_bits(turns)
         return bits * self._scale

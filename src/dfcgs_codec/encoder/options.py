@@ -39,7 +39,8 @@ class EncoderOptions:
     guarantee a maximum error; `gof_size` frames at most from one I-frame to the next, None: the encoder
     chooses, 60 at most; `keep_axes` leaves
     the order and signs of each Gaussian's axes as they were; one control point for `control_spacing`
-    Gaussians (M of the paper); `jobs` processes.
+    Gaussians (M of the paper); `visibility`: steps of residuals are coarser for what shows less;
+    `jobs` processes.
     """
 
     qp: float = QUALITIES["medium"]
@@ -53,6 +54,7 @@ class EncoderOptions:
     motion: MotionMode = MotionMode.AUTO
     control_rule: ControlRule = ControlRule.FARTHEST
     control_spacing: int = 70
+    visibility: bool = True
     jobs: int = 1
 
     def __post_init__(self) -> None:
@@ -79,5 +81,6 @@ class EncoderOptions:
         return (
             f"dfcgs-codec {__version__} qp={self.qp:g} gof_size={self.gof_size or 'auto'}"
             f" motion={self.motion.value} control={self.control_rule.name.lower()}/{self.control_spacing}"
+            f" steps={'visibility' if self.visibility else 'uniform'}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
         )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
+from dfcgs_codec.codec.gof_state import GofSetup
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.rate_control import Quantisation
 
@@ -29,7 +30,8 @@ class SequencePlan:
         return self.quantisation.steps
 
     @property
-    def control(self) -> ControlHeader:
-        """How control points are chosen; a cell is about as wide as a position step."""
+    def gof_setup(self) -> GofSetup:
+        """Units, and how control points are chosen: a cell is about as wide as a position step."""
         shift = self.steps[Attribute.POSITION].bit_length() - 1
-        return ControlHeader(self.options.control_rule, self.options.control_spacing, shift)
+        control = ControlHeader(self.options.control_rule, self.options.control_spacing, shift)
+        return GofSetup(control, self.quantisation.units)

@@ -21,7 +21,7 @@ QP_PER_OCTAVE = 6
 #: of the step only, not with its square, because Gaussians that swap places in depth change the image at once
 FINE_POSITION_QP_PER_OCTAVE = 4
 #: QP of each quality name: transparent is 50 dB and high 42 dB or better on every evaluation scene
-QUALITIES = {"low": 34, "medium": 28, "high": 21, "transparent": 12}
+QUALITIES = {"low": 34, "medium": 28, "high": 18, "transparent": 8}
 REFERENCE_QP = 22
 #: steps at the reference QP and for REFERENCE_VALUES values to a Gaussian (SH degree 2); position: in typical
 #: Gaussian sizes; rotation: stereographic. Their ratios give the last bit of each attribute about the same

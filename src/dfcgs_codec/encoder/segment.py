@@ -163,7 +163,7 @@ class SegmentEncoder:
         permutation = self._permutation(order, anchor if tracked else None)
         if options.intra == IntraKind.PLY:
             state = state_of(cloud.take(order), self._plan.header.unit_exponents)
-            coded = code_verbatim_frame(index, state, permutation, self._plan.control)
+            coded = code_verbatim_frame(index, state, permutation, self._plan.gof_setup)
             return _Loop(coded, Members(order, None), wide_planes(state), cloud, planes, len(coded.data))
         names = None
         if not options.keep_axes:
@@ -171,7 +171,7 @@ class SegmentEncoder:
         members = Members(order, None if names is None else names.take(order))
         target = members.target(planes)
         coded = code_intra_frame(
-            index, intra_symbols(target, steps, permutation), grid, steps, self._plan.control
+            index, intra_symbols(target, steps, permutation), grid, steps, self._plan.gof_setup
         )
         return _Loop(coded, members, target, cloud, planes, len(coded.data))
 

@@ -23,6 +23,7 @@ from dfcgs_codec.bitstream.constants import (
     MIN_BLOCK_LOG2,
     STATE_LIMIT,
     STEREO_FRACTION_BITS,
+    Attribute,
     ControlRule,
     IntraKind,
     OutputOrder,
@@ -140,9 +141,11 @@ def intra_headers(draw: st.DrawFn) -> IntraHeader:
 @st.composite
 def inter_headers(draw: st.DrawFn) -> InterHeader:
     present = draw(st.sets(st.sampled_from(coded_attributes(SMALL.sh_degree))))
-    tools = frozenset(draw(st.sets(st.sampled_from(Tool))))
+    tools = frozenset(draw(st.sets(st.sampled_from(Tool)))) - (frozenset() if present else {Tool.VISIBILITY})
     block_log2 = draw(st.integers(MIN_BLOCK_LOG2, MAX_BLOCK_LOG2)) if present or tools else 0
-    return InterHeader(draw(HASHES), tools, block_log2, {a: draw(STEPS) for a in sorted(present)})
+    levels = sorted(present) if Tool.VISIBILITY in tools else []
+    visibility = {a: draw(st.integers(-STATE_LIMIT, STATE_LIMIT)) for a in levels}
+    return InterHeader(draw(HASHES), tools, block_log2, {a: draw(STEPS) for a in sorted(present)}, visibility)
 
 
 @st.composite
@@ -341,6 +344,19 @@ def test_intra_header_refuses(changes: dict[str, Any], error: type[Exception], w
 def test_inter_header_refuses_attributes_that_the_sequence_lacks() -> None:
     with pytest.raises(CorruptBitstream, match="attribute_mask"):
         InterHeader.read(ByteReader(bytes(16) + b"\x00\x80\x06\x05"), SMALL)
+
+
+def test_inter_header_refuses_visibility_without_attributes() -> None:
+    with pytest.raises(CorruptBitstream, match="VISIBILITY"):
+        InterHeader.read(ByteReader(bytes(16) + b"\x04\x00\x06"), SMALL)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_inter_header_refuses_levels_beyond_the_state(sign: int) -> None:
+    levels = {Attribute.SCALE: sign * (STATE_LIMIT + 1)}
+    header = InterHeader(bytes(16), frozenset({Tool.VISIBILITY}), 6, {Attribute.SCALE: 5}, levels)
+    with pytest.raises(LimitExceeded, match="visibility_level"):
+        InterHeader.read(ByteReader(write(header)), SMALL)
 
 
 @pytest.mark.parametrize("block_log2", [MIN_BLOCK_LOG2 - 1, MAX_BLOCK_LOG2 + 1])

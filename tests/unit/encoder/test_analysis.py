@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,7 +13,14 @@ from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import FrameState, Plane, output
 from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
 from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder.analysis import ZeroBin, inter_symbols, intra_symbols, order_of, plan_grid
+from dfcgs_codec.encoder.analysis import (
+    ResidualQuantiser,
+    ZeroBin,
+    inter_symbols,
+    intra_symbols,
+    order_of,
+    plan_grid,
+)
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.gaussians import GaussianCloud
 from tests.helpers import coincident_cloud, make_cloud, rotation_degrees, with_outliers
@@ -110,7 +119,9 @@ def test_inter_symbols_follow_the_target() -> None:
     first, second = make_cloud(300, 1, 1), make_cloud(300, 1, 2)
     before, target = planes_of(first), planes_of(second)
     reference = FrameState({a: Plane(v) for a, v in before.items()})
-    symbols = inter_symbols(target, before, (reference, reference), (QUANTISATION, ZeroBin(0.6), 6))
+    symbols = inter_symbols(
+        target, before, (reference, reference), ResidualQuantiser(QUANTISATION, ZeroBin(0.6), 6)
+    )
     state = reconstruct_inter(symbols, STEPS, reference)
     for attribute, values in target.items():
         if attribute != Attribute.ROTATION:
@@ -119,11 +130,29 @@ def test_inter_symbols_follow_the_target() -> None:
     assert degrees.max() <= np.degrees(4 * np.sqrt(3) * 0.6 * 256 / 2**18) + 1e-4
 
 
+def test_coarser_steps_are_those_of_the_decoder() -> None:
+    first, second = make_cloud(300, 1, 1), make_cloud(300, 1, 2)
+    before, target = planes_of(first), planes_of(second)
+    reference = FrameState({a: Plane(v) for a, v in before.items()})
+    rng = np.random.default_rng(0)
+    multipliers = {attribute: rng.integers(256, 2049, (300, 1)) for attribute in target}
+    quantiser = ResidualQuantiser(QUANTISATION, ZeroBin(0.6), 6, multipliers)
+    symbols = inter_symbols(target, before, (reference, reference), quantiser)
+    state = reconstruct_inter(symbols, STEPS, reference, multipliers)
+    for attribute, values in target.items():
+        limit = 0.6 * STEPS[attribute] * multipliers[attribute] / 256 + 1
+        if attribute != Attribute.ROTATION:
+            assert (np.abs(state.planes[attribute].wide() - values) <= limit).all()
+    plain = inter_symbols(target, before, (reference, reference), replace(quantiser, multipliers={}))
+    for attribute, activity in symbols.activity.items():
+        assert np.abs(activity.symbols).sum() < np.abs(plain.activity[attribute].symbols).sum()
+
+
 def test_what_did_not_change_gets_no_symbols() -> None:
     cloud = make_cloud(300, 1)
     before = planes_of(cloud)
     far_off = FrameState({a: Plane(v + 5000 * (a != Attribute.ROTATION)) for a, v in before.items()})
-    coding = (QUANTISATION, ZeroBin(0.6), 6)
+    coding = ResidualQuantiser(QUANTISATION, ZeroBin(0.6), 6)
     assert inter_symbols(before, before, (far_off, far_off), coding).activity == {}
     target = before | {Attribute.SCALE: before[Attribute.SCALE].copy()}
     target[Attribute.SCALE][7] += 1
@@ -138,5 +167,7 @@ def test_a_bounded_attribute_has_no_dead_zone(bounded: bool) -> None:
     target = before | {Attribute.POSITION: before[Attribute.POSITION] + 550}
     reference = FrameState({a: Plane(v) for a, v in before.items()})
     quantisation = Quantisation(UNITS, STEPS, frozenset({Attribute.POSITION} if bounded else ()))
-    found = inter_symbols(target, before, (reference, reference), (quantisation, ZeroBin(0.6), 6))
+    found = inter_symbols(
+        target, before, (reference, reference), ResidualQuantiser(quantisation, ZeroBin(0.6), 6)
+    )
     assert (Attribute.POSITION in found.activity) is bounded

@@ -1,0 +1,116 @@
+"""Steps of residuals that follow what can be seen of each Gaussian (spec section 9.5).
+
+A step's effect on the image falls with the Gaussian's opacity and area, and the turn of a round Gaussian
+shows nothing: what the reference frame says of scale and opacity makes the steps of the rest coarser, never
+finer. All in integers: log-scales are linear in the state, and two small tables hold what is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.transform.companding import expand
+
+Int64 = npt.NDArray[np.int64]
+
+#: sixteenths of an octave to a unit of natural logarithm: round(16 * 2**10 / ln 2)
+OCTAVES_PER_LOG = 23637
+OCTAVES_PER_LOG_BITS = 10
+#: sixteenths of an octave of alpha**2, by quarters of a logit from -8: round(32 * log2(sigmoid))
+#: in the middle of each
+ALPHA_WEIGHTS = (
+    -364, -352, -341, -329, -317, -306, -294, -283, -271, -260, -248, -237, -225, -214, -203, -191,
+    -180, -169, -157, -146, -135, -124, -114, -103, -93, -83, -74, -65, -56, -49, -41, -35,
+    -29, -24, -20, -16, -13, -10, -8, -7, -5, -4, -3, -3, -2, -2, -1, -1,
+    -1, -1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
+)  # fmt: skip
+#: sixteenths of an octave of (r - 1/r)**2, by quarter octaves of the ratio r of the two longest axes:
+#: round(32 * log2(r - 1/r)) in the middle of each
+ROUNDNESS_WEIGHTS = (-81, -30, -5, 12, 25, 37, 47, 56, 66, 74, 83, 91, 99, 108, 116, 124)
+#: steps are at most 2**(MAX_COARSENESS / 4) times as coarse
+MAX_COARSENESS = 12
+#: by quarter octaves, in 256ths: round(256 * 2**(k / 4))
+MULTIPLIERS = (256, 304, 362, 431, 512, 609, 724, 861, 1024, 1218, 1448, 1722, 2048)
+MULTIPLIER_BITS = 8
+
+_ALPHA_WEIGHTS = np.array(ALPHA_WEIGHTS, np.int64)
+_ROUNDNESS_WEIGHTS = np.array(ROUNDNESS_WEIGHTS, np.int64)
+_MULTIPLIERS = np.array(MULTIPLIERS, np.int64)
+#: the widest shift that 64 bits know
+_MAX_SHIFT = 63
+
+
+def alpha_weights(opacity: Int64, exponent: int) -> Int64:
+    """log2(alpha**2) (N,), in sixteenths, of companded opacities (N,) in units of 2**exponent."""
+    quarters = expand(opacity, exponent) >> (-2 - exponent)
+    half = len(ALPHA_WEIGHTS) // 2
+    weights: Int64 = _ALPHA_WEIGHTS[np.clip(quarters + half, 0, 2 * half - 1)]
+    return weights
+
+
+def longest_axes(scales: npt.NDArray[np.integer], exponent: int) -> tuple[Int64, Int64]:
+    """log2, in sixteenths, of the longest and the middle axis (N,) of log-scales (N, 3)."""
+    x, y, z = (column.astype(np.int64) for column in scales.T)
+    low, high = np.minimum(x, y), np.maximum(x, y)
+    longest, middle = np.maximum(high, z), np.maximum(low, np.minimum(high, z))
+    shift = min(max(OCTAVES_PER_LOG_BITS - exponent, 0), _MAX_SHIFT)
+    return longest * OCTAVES_PER_LOG >> shift, middle * OCTAVES_PER_LOG >> shift
+
+
+def _roundness_weights(ratio: Int64) -> Int64:
+    known = _ROUNDNESS_WEIGHTS[np.minimum(ratio >> 2, len(ROUNDNESS_WEIGHTS) - 1)]
+    weights: Int64 = np.where(ratio >> 2 < len(ROUNDNESS_WEIGHTS), known, 2 * ratio)
+    return weights
+
+
+class Visibility:
+    """What scale and opacity of a reference frame say of each Gaussian; computed when first asked for."""
+
+    def __init__(self, frame: FrameState, units: UnitExponents) -> None:
+        self._planes = self._planes_of(frame)
+        self._units = units
+        self._parts: tuple[Int64, Int64, Int64] | None = None
+        self._multipliers: dict[Attribute, tuple[int, Int64]] = {}
+
+    @staticmethod
+    def _planes_of(frame: FrameState) -> tuple[Plane, Plane]:
+        return frame.planes[Attribute.SCALE], frame.planes[Attribute.OPACITY]
+
+    def of(self, frame: FrameState) -> Visibility:
+        """That of another frame; the same where its scales and opacities are the same planes."""
+        same = all(old is new for old, new in zip(self._planes, self._planes_of(frame), strict=True))
+        return self if same else Visibility(frame, self._units)
+
+    def weights(self, attribute: Attribute) -> Int64:
+        """How much an error of `attribute` shows in the image, (N,) in sixteenths of an octave."""
+        if self._parts is None:
+            scale, opacity = self._planes
+            longest, middle = longest_axes(scale.values, self._units.scale)
+            alpha = alpha_weights(opacity.wide()[:, 0], self._units.opacity)
+            self._parts = (alpha, longest + middle, longest - middle)
+        alpha, area, ratio = self._parts
+        if attribute == Attribute.POSITION:
+            return alpha
+        if attribute == Attribute.OPACITY:
+            return area
+        if attribute == Attribute.ROTATION:
+            return alpha + area + _roundness_weights(ratio)
+        return alpha + area
+
+    def multipliers(self, attribute: Attribute, level: int) -> Int64:
+        """By what 256ths the step of each Gaussian is coarser, (N, 1): those of weight `level` have 256."""
+        known = self._multipliers.get(attribute)
+        if known is None or known[0] != level:
+            coarseness = np.clip((level - self.weights(attribute)) >> 3, 0, MAX_COARSENESS)
+            known = self._multipliers[attribute] = (level, _MULTIPLIERS[coarseness][:, None])
+        return known[1]
+
+    def all_multipliers(self, levels: Mapping[Attribute, int]) -> dict[Attribute, Int64]:
+        """`multipliers` of each attribute that has a level."""
+        return {attribute: self.multipliers(attribute, level) for attribute, level in levels.items()}
