@@ -205,3 +205,22 @@ class TestCoded:
         slow = {**at_100k, "lost": {**found["lost"], "encode_s_per_frame": 3.1}}
         assert "3.1 s per frame" in identity.failures(slow)[0]
         assert "ratio_to_told 1.26" in identity.failures({**good, "ratio_to_told": 1.26})[0]
+
+
+def test_tables_of_identity(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("bjontegaard", reason="other tables need it, from the eval extra")
+    from evaluation import tables
+
+    score = identity.Score(1000, 1000, 999, 0.5, 250)
+    recovered = {"num_gaussians": 1010, **identity.summary([score])}
+    nobody = {"num_gaussians": 1010, **identity.summary([identity.Score(0, 0, 0, 0.1, 0)])}
+    run = {"bytes": 900, "encode_s_per_frame": 1.5}
+    coded = {"num_gaussians": 1010, "lost": run, "in_order": run, "told_bytes": 800}
+    coded |= {"without_turnover": None, "ratio_to_in_order": 1.0, "ratio_to_told": 1.125}
+    scenes = {"a": {"own": recovered, "coded": coded}, "b": {"own": nobody}}
+    monkeypatch.setattr(tables, "results", lambda _: scenes)
+    first, second = tables.identity_table().splitlines()[2:]
+    assert first == "| a | own | 1010 | 1 of 1 | 99.9000 % | 99.9000 % | 99.9000 % | 25.0 % | 0.50 |"
+    assert second == "| b | own | 1010 | 0 of 1 | - | - | - | - | 0.10 |"
+    (only,) = tables.lost_order_table().splitlines()[2:]
+    assert only == "| a | 1010 | - | 900 | 800 | 900 | 1.0000 | 1.1250 | 1.50 |"
