@@ -227,6 +227,59 @@ def motion_table() -> str:
     return _table(["scene", "bytes at equal PSNR", "PSNR at equal bytes"], rows)
 
 
+def _percentage(share: float | None, digits: int = 4) -> str:
+    return "-" if share is None else f"{100 * share:.{digits}f} %"
+
+
+def identity_table() -> str:
+    """How well Gaussians are found again whose order is lost."""
+    rows = []
+    for name, scene in results("identity").items():
+        for noise, figures in scene.items():
+            if noise == "coded":
+                continue
+            rows.append(
+                [
+                    name,
+                    noise,
+                    str(figures["num_gaussians"]),
+                    f"{figures['continued']} of {figures['pairs']}",
+                    _percentage(figures["precision"]),
+                    _percentage(figures["recall"]),
+                    _percentage(figures["worst_recall"]),
+                    _percentage(figures["nearest_position_recall"], 1),
+                    f"{figures['match_s']:.2f}",
+                ]
+            )
+    head = ["scene", "changes", "N", "pairs continued", "precision", "recall", "recall, worst pair"]
+    return _table([*head, "nearest position", "s per pair"], rows)
+
+
+def lost_order_table() -> str:
+    """What a lost order costs in bytes and time."""
+    rows = []
+    for name, scene in results("identity").items():
+        if "coded" not in scene:
+            continue
+        figures = scene["coded"]
+        without = figures["without_turnover"]
+        rows.append(
+            [
+                name,
+                str(figures["num_gaussians"]),
+                "-" if without is None else str(without["bytes"]),
+                str(figures["in_order"]["bytes"]),
+                str(figures["told_bytes"]),
+                str(figures["lost"]["bytes"]),
+                f"{figures['ratio_to_in_order']:.4f}",
+                f"{figures['ratio_to_told']:.4f}",
+                f"{figures['lost']['encode_s_per_frame']:.2f}",
+            ]
+        )
+    head = ["scene", "N", "no births and deaths", "in order", "identities told", "order lost"]
+    return _table([*head, "lost / in order", "lost / told", "encode, s per frame"], rows)
+
+
 TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "averages": ("bench", averages),
     "motion": ("bench", motion_table),
@@ -237,6 +290,8 @@ TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "drift": ("drift", drift_table),
     "stress": ("stress", stress_table),
     "allocation": ("allocation", allocation_table),
+    "identity": ("identity", identity_table),
+    "lost order": ("identity", lost_order_table),
 }
 
 
