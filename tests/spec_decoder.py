@@ -962,7 +962,7 @@ class Gathered:
 
 @dataclass
 class MotionSymbols:
-    """14.3: a mode for each block, who follows, six symbols of each control point."""
+    """14.3: a mode for each block, who follows, seven symbols of each control point."""
 
     mode: Row
     follows: list[bool]
@@ -1010,6 +1010,36 @@ def gather(cell: Row, others: Matrix) -> Gathered:
     return Gathered(rank[:count] + [rank[0]] * (4 - count), weight)
 
 
+#: 14.7
+DECAY = [
+    *(16773120, 16769026, 16760840, 16744480, 16711808, 16646655, 16517109, 16261035),
+    *(15760736, 14805841, 13066109, 10175896, 6171993, 2270549, 307285, 5628),
+]
+
+
+def decayed(x: int) -> int:
+    if x >= 2**16:
+        return 0
+    r = 2**24
+    for b in range(16):
+        if x >> b & 1:
+            r = round_shift(r * DECAY[b], 24)
+    return r
+
+
+def neighbours(cell: Row, cells: Matrix, num_neighbours: int, decay_exponent: int) -> list[tuple[int, int]]:
+    """14.7: Gaussians of the I-frame and their weights."""
+    squared = [squared_distance(cell, other) for other in cells]
+    nearest = sorted(range(len(cells)), key=lambda i: (squared[i], i))[: min(num_neighbours, len(cells))]
+    shift = decay_exponent + 8
+    distance = [math.isqrt(squared[i] << 8) for i in nearest]
+    beyond = [d - distance[0] for d in distance]
+    left = [decayed(b << shift if shift >= 0 else b >> -shift) for b in beyond]
+    weight = [(v << 16) // sum(left) for v in left]
+    weight[0] += 2**16 - sum(weight)
+    return list(zip(nearest, weight, strict=True))
+
+
 def matrix(v: Row) -> Matrix:
     w, x, y, z = from_stereo(v)
     m = [
@@ -1043,7 +1073,11 @@ class MotionField:
         self.habit_t, self.habit_v = zeros(count), zeros(count)
         self.t, self.v, self.matrices = zeros(count), zeros(count), [zeros(3)] * count
         self.translation_step = 1
-        self.last = MotionSymbols([], [False] * n, [[0] * 6 for _ in range(count)])
+        self.last = MotionSymbols([], [False] * n, [[0] * 7 for _ in range(count)])
+        self.first_cells = cells
+        self.origin: list[int | None] = list(range(n))
+        self.spread: tuple[int, int] | None = None
+        self.steps = (1, 0)
 
     def cell(self, position: Row) -> Row:
         return [
@@ -1053,6 +1087,7 @@ class MotionField:
     def keep(self, kept: Row) -> None:
         """15.2."""
         self.cells = [self.cells[i] for i in kept]
+        self.origin = [self.origin[i] for i in kept]
         self.points = [self.points[i] for i in kept]
         self.last = replace(self.last, mode=[], follows=[self.last.follows[i] for i in kept])
 
@@ -1062,21 +1097,31 @@ class MotionField:
         own_cells = [self.cell(pivot) for pivot in self.pivot]
         self.points = merged(rows, self.points, [gather(cell, own_cells) for cell in cells])
         self.cells = merged(rows, self.cells, cells)
+        self.origin = merged(rows, self.origin, [None] * len(births))
         follows = merged(rows, self.last.follows, [False] * len(births))
         self.last = replace(self.last, mode=[], follows=follows)
 
     def decode(self, fields: Fields, block_log2: int) -> MotionSymbols:
         """6.3, 14.3; moves the control points."""
-        num_coded, temporal_weight = fields.uvarint(), fields.u8()
+        compensation, num_coded = fields.u8(), fields.uvarint()
+        require(compensation <= 1)
+        self.spread, temporal_weight = None, 0
+        if compensation == 0:
+            temporal_weight = fields.u8()
+        else:
+            self.spread = (fields.uvarint(), fields.svarint())
+            require(1 <= self.spread[0] <= 64 and abs(self.spread[1]) <= 28)
         steps = (fields.uvarint(), fields.uvarint())
         require(num_coded <= len(self.pivot) and temporal_weight <= 4)
-        require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= 2**18)
+        require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= (2**24 if self.spread else 2**18))
         streams = open_streams(fields, 2)
         mode, follows = self._followers(next(streams), block_log2)
         symbols = self._symbols(next(streams), num_coded, steps)
         require(next(streams, None) is None)
         self.last = MotionSymbols(mode, follows, symbols)
-        self._move(symbols, temporal_weight, steps)
+        self.steps = steps
+        if self.spread is None:
+            self._move(symbols, temporal_weight, steps)
         return self.last
 
     def _followers(self, stream: RangeDecoder, block_log2: int) -> tuple[Row, list[bool]]:
@@ -1097,15 +1142,17 @@ class MotionField:
     def _symbols(self, stream: RangeDecoder, num_coded: int, steps: tuple[int, int]) -> Matrix:
         rows = sorted(range(num_coded), key=lambda k: self.gaussian[k])
         hint = [sum(abs(s) for s in self.last.symbols[k]) for k in rows]
-        symbols = [[0] * 6 for _ in self.pivot]
+        symbols = [[0] * 7 for _ in self.pivot]
         residuals: Matrix = []
-        num_columns = 6 if steps[1] > 0 else 3
+        num_columns = 3
+        if steps[1] > 0:
+            num_columns = 7 if self.spread else 6
         for c in range(num_columns if num_coded else 0):
             sources = [[abs(r) for r in residual] for residual in residuals] + [hint]
             value, residual = predicted_component(stream, Lods(num_coded), residuals, sources)
             residuals.append(residual)
             for k, s in zip(rows, value, strict=True):
-                require(abs(s) <= 2 * STATE_LIMIT // steps[c // 3])
+                require(abs(s) <= 2 * STATE_LIMIT // steps[min(c // 3, 1)])
                 symbols[k][c] = s
         return symbols
 
@@ -1141,7 +1188,9 @@ class MotionField:
             self.matrices[k] = matrix(self.v[k])
 
     def carry(self, reference: State, follows: list[bool]) -> State:
-        """14.5."""
+        """14.5, or 14.7."""
+        if self.spread is not None:
+            return self._spread(reference, follows, self.spread)
         planes = dict(reference.planes)
         positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
         for i, point in enumerate(self.points):
@@ -1158,8 +1207,30 @@ class MotionField:
         planes[POSITION], planes[ROTATION] = positions, rotations
         return State(planes, reference.order)
 
+    def _spread(self, reference: State, follows: list[bool], spread: tuple[int, int]) -> State:
+        """14.7."""
+        total = [[0] * 7 for _ in self.first_cells]
+        for gaussian, symbols in zip(self.gaussian, self.last.symbols, strict=True):
+            m = [s * self.steps[0] for s in symbols[:3]] + [s * self.steps[1] for s in symbols[3:]]
+            for i, weight in neighbours(self.first_cells[gaussian], self.first_cells, *spread):
+                total[i] = [a + weight * b for a, b in zip(total[i], m, strict=True)]
+        planes = dict(reference.planes)
+        positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
+        for i, origin in enumerate(self.origin):
+            if origin is None or not follows[i]:
+                continue
+            received = [round_shift(value, 16) for value in total[origin]]
+            positions[i] = [clip(positions[i][c] + received[c], -STATE_LIMIT, STATE_LIMIT) for c in range(3)]
+            r = [rotations[i][c] + clip(received[3 + c], -(2**24), 2**24) for c in range(4)]
+            if any(received[3:]) and any(r):
+                rotations[i] = normalise(r)
+        planes[POSITION], planes[ROTATION] = positions, rotations
+        return State(planes, reference.order)
+
     def learn(self, reference: Matrix, decoded: Matrix) -> None:
-        """14.6, from positions."""
+        """14.6, from positions; nothing is learnt where motion was spread."""
+        if self.spread is not None:
+            return
         for i, point in enumerate(self.points):
             if self.last.follows[i]:
                 actual = [a - b for a, b in zip(decoded[i], reference[i], strict=True)]
@@ -1324,7 +1395,7 @@ class Frame:
 
 def sequence_header(fields: Fields) -> Sequence:
     version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
-    require(version == 4 and profile == 0 and level in (1, 2, 3) and sh_degree <= 3 and order <= 2)
+    require(version == 5 and profile == 0 and level in (1, 2, 3) and sh_degree <= 3 and order <= 2)
     num_frames = fields.uvarint()
     fields.uvarint()
     require(num_frames > 0 and fields.uvarint() > 0)

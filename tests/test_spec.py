@@ -38,6 +38,7 @@ from dfcgs_codec.bitstream import constants
 from dfcgs_codec.bitstream.constants import (
     Attribute,
     ChunkType,
+    Compensation,
     ControlRule,
     IntraKind,
     OutputOrder,
@@ -46,7 +47,7 @@ from dfcgs_codec.bitstream.constants import (
 )
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
-from dfcgs_codec.bitstream.motion_header import MotionHeader
+from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
@@ -110,7 +111,17 @@ def _tables() -> dict[str, dict[str, Any]]:
 TABLES = _tables()
 _ENUMS = {
     kind.__name__: kind
-    for kind in (ChunkType, Profile, OutputOrder, IntraKind, ControlRule, Tool, Attribute, tables.Shape)
+    for kind in (
+        ChunkType,
+        Profile,
+        OutputOrder,
+        IntraKind,
+        ControlRule,
+        Compensation,
+        Tool,
+        Attribute,
+        tables.Shape,
+    )
 }
 _MODULES = [name for name in TABLES if "." in name]
 
@@ -634,16 +645,19 @@ def _random_motion(rng: np.random.Generator, before: GofState, block_log2: int) 
         return None
     motion = before.motion()
     points, count = motion.field.num_points, before.frame.num_gaussians
+    spread = None
+    if rng.random() < 0.4:
+        spread = SpreadHeader(int(rng.choice([1, 5, 30, 64])), int(rng.integers(-12, 3)))
     header = MotionHeader(
         int(rng.integers(0, points + 1)),
-        int(rng.integers(0, 5)),
+        int(rng.integers(0, 5)) if spread is None else 0,
         int(rng.integers(1, 300)),
-        int(rng.choice([0, 1, 900])),
+        int(rng.choice([0, 1, 900] if spread is None else [0, 9, 700_000])),
+        spread,
     )
-    control = rng.integers(-9, 10, (points, 6)) * (rng.random((points, 6)) < rng.random())
+    control = rng.integers(-9, 10, (points, 7)) * (rng.random((points, 7)) < rng.random())
     control[header.num_coded :] = 0
-    if not header.is_rigid:
-        control[:, 3:] = 0
+    control[:, header.num_columns :] = 0
     follows = rng.random(count) < rng.choice([0.0, 0.5, 1.0])
     symbols = MotionSymbols(control, classify_modes(follows, block_log2), follows)
     return MotionTrial(header, symbols, motion.carry(header, symbols, before.frame), 0.0)
@@ -821,6 +835,7 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("tools", b"\1"), "corrupt"),
         (_patched("visibility_level of POSITION", b"\x80\0"), "corrupt"),
         (_patched("num_coded", b"\4"), "limit"),
+        (_patched("compensation", b"\2"), "unsupported"),
         (_patched("temporal_weight", b"\5"), "limit"),
         (_patched("translation_step", b"\0"), "corrupt"),
         (_patched("attribute_mask", b"\x25"), "corrupt"),

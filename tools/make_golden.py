@@ -25,6 +25,7 @@ from dfcgs_codec.bitstream.constants import (
     LEVELS,
     STATE_LIMIT,
     ChunkType,
+    Compensation,
     ControlRule,
     IntraKind,
     OutputOrder,
@@ -112,6 +113,10 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "motion_after_verbatim": (_waving(300, 3), EncoderOptions(intra=IntraKind.PLY, control_spacing=10)),
         "motion_only": (_waving(300, 4), EncoderOptions(motion=MotionMode.ONLY, control_spacing=12)),
+        "spread_motion": (
+            helpers.succeeding(_minute(400), 4),
+            EncoderOptions(compensation=Compensation.SPREAD, motion=MotionMode.ON, control_spacing=15),
+        ),
         "births_and_deaths": (helpers.succeeding(_minute(600), 4), EncoderOptions(control_spacing=20)),
         "lost_order_topology": (
             helpers.succeeding(_minute(400, 1), 4, shuffle=True),
@@ -257,7 +262,7 @@ def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
         "text_mode": (valid.replace(b"\r\n", b"\n", 1), "NotADgsFile"),
         "foreign_glps": (b"glps" + valid[4:], "NotADgsFile"),
         "trailing_bytes": (valid + b"more", "CorruptBitstream"),
-        "version_3": (_chunks_with(valid, _in_chunk(header, 0, 3)), "UnsupportedBitstream"),
+        "version_4": (_chunks_with(valid, _in_chunk(header, 0, 4)), "UnsupportedBitstream"),
         "version_200": (_chunks_with(valid, _in_chunk(header, 0, 200)), "UnsupportedBitstream"),
         "unknown_profile": (_chunks_with(valid, _in_chunk(header, 1, 9)), "UnsupportedBitstream"),
         "paper_profile": (_chunks_with(valid, _in_chunk(header, 1, 1)), "UnsupportedBitstream"),

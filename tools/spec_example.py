@@ -22,6 +22,7 @@ import numpy as np
 from dfcgs_codec.bitstream.constants import (
     Attribute,
     ChunkType,
+    Compensation,
     ControlRule,
     IntraKind,
     OutputOrder,
@@ -273,6 +274,7 @@ def _inter_frame(trace: _Tracer) -> list[str]:
 
 
 def _motion_chunk(trace: _Tracer) -> None:
+    trace.number("u8", "compensation", lambda v: f"{v} {Compensation(v).name}")
     trace.number("uvarint", "num_coded")
     trace.number("u8", "temporal_weight")
     trace.number("uvarint", "translation_step")

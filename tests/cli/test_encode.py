@@ -243,3 +243,16 @@ def test_motion_can_be_left_out(frames_dir: Path, tmp_path: Path) -> None:
         chunks[mode] = json.loads(dfcgs("info", target, "--json").stdout)["bytes_by_chunk_type"]
     assert "MOTION" not in chunks["off"]
     assert chunks["on"]["MOTION"] > 0
+
+
+def test_the_papers_compensation(frames_dir: Path, tmp_path: Path) -> None:
+    target = tmp_path / "paper.dgs"
+    options = ("--compensation", "paper", "--motion", "only", "--control-spacing", "10")
+    done = dfcgs("encode", frames_dir, target, *options, "--verify", "--quiet")
+    assert done.returncode == 0, done.stderr
+    info = json.loads(dfcgs("info", target, "--json").stdout)
+    assert "only/spread" in info["encoder_info"]
+    count = info["frames"][0]["num_gaussians"]
+    assert [frame["control_points"] for frame in info["frames"][1:]] == [count // 10] * (
+        len(info["frames"]) - 1
+    )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 MAGIC = b"\x89DGS\r\n\x1a\n"
 #: first bytes of another package's `.dgs` files (dgs-py: one static scene with linear velocities)
 FOREIGN_MAGIC = b"glps"
-BITSTREAM_VERSION = 4
+BITSTREAM_VERSION = 5
 
 #: chunk types with this bit set may be skipped when unknown
 ANCILLARY_BIT = 0x80
@@ -34,6 +34,10 @@ MAX_BLOCK_LOG2 = 12
 MAX_CONTROL_SHIFT = 31
 #: the temporal weight of motion is in quarters
 MAX_TEMPORAL_WEIGHT = 4
+#: Gaussians that a control point's motion is spread over
+MAX_NEIGHBOURS = 128
+#: largest magnitude of the log2 of the width of a cell, in the distance over which motion fades by e
+MAX_DECAY_EXPONENT = 28
 
 
 class ChunkType(IntEnum):
@@ -78,6 +82,13 @@ class ControlRule(IntEnum):
 
     FARTHEST = 0
     STRIDE = 1
+
+
+class Compensation(IntEnum):
+    """How the Gaussians are carried along with control points (spec sections 14.5, 14.7)."""
+
+    GATHER = 0
+    SPREAD = 1
 
 
 class Tool(IntEnum):

@@ -1,49 +1,105 @@
-"""Header of a MOTION chunk, `write` beside `read` (spec section 6.2)."""
+"""Header of a MOTION chunk, `write` beside `read` (spec section 6.3)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfcgs_codec.bitstream.constants import MAX_TEMPORAL_WEIGHT, STATE_LIMIT, STEREO_FRACTION_BITS
-from dfcgs_codec.bitstream.fields import read_bounded
+from dfcgs_codec.bitstream.constants import (
+    MAX_DECAY_EXPONENT,
+    MAX_NEIGHBOURS,
+    MAX_TEMPORAL_WEIGHT,
+    ROTATION_FRACTION_BITS,
+    STATE_LIMIT,
+    STEREO_FRACTION_BITS,
+    Compensation,
+)
+from dfcgs_codec.bitstream.fields import read_bounded, read_enum
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
-from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.errors import CorruptBitstream, LimitExceeded
+
+
+@dataclass(frozen=True)
+class SpreadHeader:
+    """How the motion of control points is spread over Gaussians.
+
+    Each one's goes to its `num_neighbours` nearest Gaussians (K of the paper); `decay_exponent` is the log2
+    of the width of a cell, in the distance over which the share fades by e.
+    """
+
+    num_neighbours: int
+    decay_exponent: int
+
+    def write(self, writer: ByteWriter) -> None:
+        """Both fields."""
+        writer.uvarint(self.num_neighbours)
+        writer.svarint(self.decay_exponent)
+
+    @staticmethod
+    def read(reader: ByteReader) -> SpreadHeader:
+        """Refuses no neighbours or too many, and exponents beyond +-28."""
+        offset = reader.offset
+        count = read_bounded(reader.uvarint, MAX_NEIGHBOURS, "num_neighbours", reader)
+        if count == 0:
+            raise CorruptBitstream("num_neighbours is 0", offset=offset)
+        offset = reader.offset
+        exponent = reader.svarint()
+        if abs(exponent) > MAX_DECAY_EXPONENT:
+            raise LimitExceeded(f"decay_exponent {exponent} exceeds +-{MAX_DECAY_EXPONENT}", offset=offset)
+        return SpreadHeader(count, exponent)
 
 
 @dataclass(frozen=True)
 class MotionHeader:
-    """How the control points' motion is coded.
+    """How the control points' motion is coded, and how it reaches the Gaussians: gathered or `spread`.
 
     `num_coded` control points have symbols; `temporal_weight` quarters of what the last motion added to its
-    prediction are expected again; steps are in grid units and in 2**-18 of a turn vector, 0 where control
-    points only shift.
+    prediction are expected again, 0 where motion is spread. Translation steps are in grid units; turn steps,
+    0 where nothing turns, in 2**-18 of a turn vector, or in 2**-24 of a quaternion where motion is spread.
     """
 
     num_coded: int
     temporal_weight: int
     translation_step: int
     turn_step: int
+    spread: SpreadHeader | None = None
 
     @property
     def is_rigid(self) -> bool:
-        """Whether control points turn, too."""
+        """Whether rotations move, too."""
         return self.turn_step > 0
+
+    @property
+    def num_columns(self) -> int:
+        """Symbols of a coded control point."""
+        if not self.is_rigid:
+            return 3
+        return 6 if self.spread is None else 7
 
     def write(self, writer: ByteWriter) -> None:
         """All fields in order."""
+        writer.u8(Compensation.GATHER if self.spread is None else Compensation.SPREAD)
         writer.uvarint(self.num_coded)
-        writer.u8(self.temporal_weight)
+        if self.spread is None:
+            writer.u8(self.temporal_weight)
+        else:
+            self.spread.write(writer)
         writer.uvarint(self.translation_step)
         writer.uvarint(self.turn_step)
 
     @staticmethod
     def read(reader: ByteReader, num_points: int) -> MotionHeader:
         """Refuses more coded control points than the GoF has, and a translation step of 0."""
+        rule = read_enum(Compensation, reader, "compensation")
         num_coded = read_bounded(reader.uvarint, num_points, "num_coded", reader)
-        weight = read_bounded(reader.u8, MAX_TEMPORAL_WEIGHT, "temporal_weight", reader)
+        weight, spread = 0, None
+        if rule == Compensation.GATHER:
+            weight = read_bounded(reader.u8, MAX_TEMPORAL_WEIGHT, "temporal_weight", reader)
+        else:
+            spread = SpreadHeader.read(reader)
         offset = reader.offset
         translation = read_bounded(reader.uvarint, STATE_LIMIT, "translation_step", reader)
         if translation == 0:
             raise CorruptBitstream("translation_step is 0", offset=offset)
-        turn = read_bounded(reader.uvarint, 1 << STEREO_FRACTION_BITS, "turn_step", reader)
-        return MotionHeader(num_coded, weight, translation, turn)
+        bits = STEREO_FRACTION_BITS if spread is None else ROTATION_FRACTION_BITS
+        turn = read_bounded(reader.uvarint, 1 << bits, "turn_step", reader)
+        return MotionHeader(num_coded, weight, translation, turn, spread)

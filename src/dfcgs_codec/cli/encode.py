@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from dfcgs_codec.api import encode_sequence
-from dfcgs_codec.bitstream.constants import ControlRule, IntraKind, OutputOrder
+from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.encoder.options import EncoderOptions, MotionMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES, Bound
@@ -65,6 +65,7 @@ class _Bound(click.ParamType[Bound]):
             self.fail(f"{value!r} is not like position=0.001", param, ctx)
 
 
+_COMPENSATIONS = {"main": Compensation.GATHER, "paper": Compensation.SPREAD}
 _CONTROL_RULES = {rule.name.lower(): rule for rule in ControlRule}
 
 
@@ -75,8 +76,10 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         bounds=values["bound"],
         gof_size=values["gof_size"],
         motion=MotionMode(values["motion"]),
+        compensation=_COMPENSATIONS[values["compensation"]],
         control_rule=_CONTROL_RULES[values["control_points"]],
         control_spacing=values["control_spacing"],
+        num_neighbours=values["control_neighbours"],
         visibility=values["steps"] == "visibility",
         intra=IntraKind[values["intra"].upper()],
         order=OutputOrder[values["order"].upper()],
@@ -144,6 +147,13 @@ def _summary(report: EncodeReport, target: Path) -> str:
     help="Where control points carry the Gaussians along: auto where that pays; only: and no residual.",
 )
 @click.option(
+    "--compensation",
+    type=click.Choice(list(_COMPENSATIONS)),
+    default="main",
+    show_default=True,
+    help="How control points carry the Gaussians along; paper: as D-FCGS does it, for comparison.",
+)
+@click.option(
     "--control-points",
     type=click.Choice(list(_CONTROL_RULES)),
     default="farthest",
@@ -152,6 +162,13 @@ def _summary(report: EncodeReport, target: Path) -> str:
 )
 @click.option(
     "--control-spacing", type=int, default=70, show_default=True, help="Gaussians to a control point."
+)
+@click.option(
+    "--control-neighbours",
+    type=int,
+    default=30,
+    show_default=True,
+    help="Gaussians that a control point moves, with --compensation paper.",
 )
 @click.option(
     "--steps",

@@ -1,4 +1,8 @@
-"""Carrying the Gaussians of a GoF along with its control points (spec section 14.5)."""
+"""Carrying the Gaussians of a GoF along with its control points, by one of two rules.
+
+They gather rigid motion from the control points that they follow (spec section 14.5), or control points
+spread theirs over their nearest Gaussians, as the paper has it (14.7).
+"""
 
 from __future__ import annotations
 
@@ -15,9 +19,11 @@ from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.inter import nonzero_rows, num_blocks
 from dfcgs_codec.codec.motion import MotionShape, MotionSymbols
 from dfcgs_codec.codec.motion_field import FieldMotion, MotionField
+from dfcgs_codec.codec.reconstruct import scaled
 from dfcgs_codec.transform.control_points import CELL_LIMIT, control_cells, gather_from
 from dfcgs_codec.transform.morton import morton_keys
-from dfcgs_codec.transform.rotation import from_stereo, multiply, normalise
+from dfcgs_codec.transform.rotation import ONE, from_stereo, multiply, normalise
+from dfcgs_codec.transform.spreading import Spreading, SpreadingSource, rows_of
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
@@ -25,23 +31,33 @@ Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Carried:
-    """A frame's motion applied: `state` predicted, `rows` (F,) that followed, candidates `moves` (5, 3, F).
+class Gathered:
+    """What is learnt from: `rows` (F,) that followed, candidates `moves` (5, 3, F), step of translations."""
 
-    `step`: that of translations.
-    """
-
-    state: FrameState
     rows: Int64
     moves: Float64
     field_motion: FieldMotion
     binding: Binding
     step: int
 
+    def of_rows(self, kept: Int64) -> Gathered:
+        """The same of some of those who followed."""
+        binding = self.binding.of_rows(kept)
+        return replace(self, rows=self.rows[kept], moves=self.moves[:, :, kept], binding=binding)
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A frame's motion applied: the `state` predicted, how it was `gathered`, None where it was spread."""
+
+    state: FrameState
+    gathered: Gathered | None = None
+
     def only(self, follows: Bool, reference: FrameState) -> Carried:
-        """The same where only some of those who followed do; an encoder's short cut."""
-        kept = np.flatnonzero(follows[self.rows])
-        if len(kept) == len(self.rows):
+        """As if only some of those who followed did; an encoder's short cut, not where it was spread."""
+        assert self.gathered is not None
+        kept = np.flatnonzero(follows[self.gathered.rows])
+        if len(kept) == len(self.gathered.rows):
             return self
         planes = dict(reference.planes)
         for attribute in (Attribute.POSITION, Attribute.ROTATION):
@@ -49,9 +65,7 @@ class Carried:
             if moved is not reference.planes[attribute]:
                 values = np.where(follows[:, None], moved.values, reference.planes[attribute].values)
                 planes[attribute] = Plane(values)
-        state = replace(self.state, planes=planes)
-        binding = self.binding.of_rows(kept)
-        return replace(self, state=state, rows=self.rows[kept], moves=self.moves[:, :, kept], binding=binding)
+        return Carried(replace(self.state, planes=planes), self.gathered.of_rows(kept))
 
 
 @dataclass(frozen=True)
@@ -59,6 +73,7 @@ class GofMotion:
     """Control points and followers of a GoF before a frame, and the last motion symbols.
 
     `cells` (N, 3): where the Gaussians were when they came; all cells are about `center`, with `shift`.
+    `origins` (N,): index in the I-frame, -1 of those that came later.
     """
 
     field: MotionField
@@ -67,6 +82,8 @@ class GofMotion:
     cells: Int64
     center: Int64
     shift: int
+    origins: Int64
+    spreading: SpreadingSource
 
     @staticmethod
     def of(positions: Int64, control: ControlHeader) -> GofMotion:
@@ -76,7 +93,9 @@ class GofMotion:
         field = MotionField.of(positions, cells, control)
         binding = Binding.of(gather_from(cells, cells[field.gaussians]))
         symbols = MotionSymbols.none(field.num_points, len(positions), 0)
-        return GofMotion(field, binding, symbols, cells, center, control.shift)
+        spreading = SpreadingSource(cells, field.gaussians)
+        origins = np.arange(len(positions))
+        return GofMotion(field, binding, symbols, cells, center, control.shift, origins, spreading)
 
     def cells_of(self, positions: Int64) -> Int64:
         """Cells (rows, 3) of `positions`."""
@@ -97,6 +116,7 @@ class GofMotion:
             binding=self.binding.of_rows(kept),
             symbols=self.symbols.merged(0, kept, block_log2),
             cells=self.cells[kept],
+            origins=self.origins[kept],
         )
 
     def with_births(self, cells: Int64, source: Int64, block_log2: int) -> GofMotion:
@@ -107,12 +127,17 @@ class GofMotion:
             binding=self.binding.merge(births, source),
             symbols=self.symbols.merged(len(cells), source, block_log2),
             cells=np.concatenate([self.cells, cells])[source],
+            origins=np.concatenate([self.origins, np.full(len(cells), -1)])[source],
         )
+
+    def control_rows(self) -> Int64:
+        """Row of each control point's Gaussian, -1 of those that went."""
+        return rows_of(self.origins, self.spreading.num_gaussians)[self.field.gaussians]
 
     def shape(self, header: MotionHeader, block_log2: int) -> MotionShape:
         """What the symbol walk needs."""
         coded = np.argsort(self.field.gaussians[: header.num_coded], kind="stable")
-        return MotionShape(coded, 6 if header.is_rigid else 3, block_log2)
+        return MotionShape(coded, header.num_columns, block_log2)
 
     def history(self, block_log2: int) -> MotionSymbols:
         """The last motion symbols, modes zero where blocks were others."""
@@ -123,6 +148,10 @@ class GofMotion:
 
     def carry(self, header: MotionHeader, symbols: MotionSymbols, reference: FrameState) -> Carried:
         """Prediction of a frame from the decoded `reference` and its motion."""
+        if header.spread is not None:
+            spread = header.spread
+            spreading = self.spreading.of(spread.num_neighbours, spread.decay_exponent, self.origins)
+            return Carried(spread_over(motions_of(header, symbols), spreading, symbols.follows, reference))
         moved = self.field.move(header, lambda rows, *_: symbols.control[rows])
         rows = np.flatnonzero(symbols.follows)
         binding = self.binding.of_rows(rows)
@@ -136,25 +165,22 @@ class GofMotion:
             rotations = reference.planes[Attribute.ROTATION].wide()
             rotations[rows] = turned(rotations[rows], binding.turns(moved.motion))
             planes[Attribute.ROTATION] = Plane(rotations)
-        return Carried(
-            replace(reference, planes=planes, verbatim=None),
-            rows,
-            moves,
-            moved,
-            binding,
-            header.translation_step,
-        )
+        gathered = Gathered(rows, moves, moved, binding, header.translation_step)
+        return Carried(replace(reference, planes=planes, verbatim=None), gathered)
 
     def after(
         self, carried: Carried, symbols: MotionSymbols, states: tuple[FrameState, FrameState]
     ) -> GofMotion:
         """Before the next frame; `states`: the reference and what was decoded."""
-        old, new = (state.planes[Attribute.POSITION].values[carried.rows] for state in states)
+        gathered = carried.gathered
+        if gathered is None:
+            return replace(self, symbols=symbols)
+        old, new = (state.planes[Attribute.POSITION].values[gathered.rows] for state in states)
         actual = new.T.astype(np.float64) - old.T
-        learnt = carried.binding.learn(carried.moves, actual, carried.step)
-        field = self.field.after(carried.field_motion, symbols.control, carried.step)
+        learnt = gathered.binding.learn(gathered.moves, actual, gathered.step)
+        field = self.field.after(gathered.field_motion, symbols.control, gathered.step)
         return replace(
-            self, field=field, binding=self.binding.with_rows(carried.rows, learnt), symbols=symbols
+            self, field=field, binding=self.binding.with_rows(gathered.rows, learnt), symbols=symbols
         )
 
 
@@ -178,3 +204,30 @@ def turned(quaternions: Int64, vectors: Int64) -> Int64:
     rows = np.flatnonzero(nonzero_rows(vectors))
     result[rows] = normalise(multiply(from_stereo(vectors[rows]), quaternions[rows]))
     return result
+
+
+def motions_of(header: MotionHeader, symbols: MotionSymbols) -> Int64:
+    """Motions (n, 7) of control points whose motion is spread: symbols times steps, nothing predicted."""
+    translations = scaled(symbols.control[:, :3], header.translation_step)
+    turns = scaled(symbols.control[:, 3:], header.turn_step) if header.is_rigid else symbols.control[:, 3:]
+    return np.concatenate([translations, turns], axis=1)
+
+
+def spread_over(motions: Int64, spreading: Spreading, follows: Bool, reference: FrameState) -> FrameState:
+    """The frame that `reference` becomes when control points spread their `motions` (n, 7).
+
+    Columns: translation in grid units, change of the quaternion in 2**-24. Those who follow, `follows` (N,),
+    add what they receive (the paper's equation of motion compensation); nothing received changes no bit.
+    """
+    limited = np.clip(motions, -2 * STATE_LIMIT, 2 * STATE_LIMIT)
+    received = spreading.received(limited, len(follows)) * follows[:, None]
+    planes = dict(reference.planes)
+    positions = reference.planes[Attribute.POSITION].wide() + received[:, :3]
+    planes[Attribute.POSITION] = Plane(np.clip(positions, -STATE_LIMIT, STATE_LIMIT))
+    rotations = reference.planes[Attribute.ROTATION].wide()
+    changed = rotations + np.clip(received[:, 3:], -ONE, ONE)
+    rows = np.flatnonzero(nonzero_rows(received[:, 3:]) & nonzero_rows(changed))
+    if len(rows):
+        rotations[rows] = normalise(changed[rows])
+        planes[Attribute.ROTATION] = Plane(rotations)
+    return replace(reference, planes=planes, verbatim=None)

@@ -19,6 +19,8 @@ Bool = npt.NDArray[np.bool_]
 #: classes of blocks: all Gaussians stand still, all follow, each has a flag
 STILL, FOLLOW, MIXED = range(3)
 NUM_MODES = 3
+#: symbols of a control point at most: translation, and turn vector or change of a quaternion
+NUM_CONTROL_COLUMNS = 7
 #: modes and follow flags; control points
 NUM_MOTION_STREAMS = 2
 
@@ -27,8 +29,8 @@ NUM_MOTION_STREAMS = 2
 class MotionSymbols:
     """What a MOTION chunk carries.
 
-    `control` int64 (n, 6): symbols of translation and turn, zero for control points without any; `modes`
-    int64 (blocks,): STILL, FOLLOW or MIXED; `follows` bool (N,).
+    `control` int64 (n, 7): symbols of translation and turn, zero for control points and columns without any;
+    `modes` int64 (blocks,): STILL, FOLLOW or MIXED; `follows` bool (N,).
     """
 
     control: Int64
@@ -48,7 +50,7 @@ class MotionSymbols:
     @staticmethod
     def none(num_points: int, num_gaussians: int, num_blocks: int) -> MotionSymbols:
         """All stand still."""
-        control = np.zeros((num_points, 6), np.int64)
+        control = np.zeros((num_points, NUM_CONTROL_COLUMNS), np.int64)
         return MotionSymbols(control, np.zeros(num_blocks, np.int64), np.zeros(num_gaussians, np.bool_))
 
 
@@ -56,7 +58,7 @@ class MotionSymbols:
 class MotionShape:
     """What headers and control points say that the walk needs.
 
-    `coded` (k,): ranks of the control points with symbols, in GoF order; `num_columns` 3 or 6.
+    `coded` (k,): ranks of the control points with symbols, in GoF order; `num_columns` 3, 6 or 7.
     """
 
     coded: Int64
@@ -96,13 +98,13 @@ def _code_follows(coder: SymbolCoder, follows: Bool | None, mode: Int64, before:
 
 
 def _code_control(coder: SymbolCoder, target: Int64 | None, before: Int64, num_columns: int) -> Int64:
-    """Symbols (k, C) of control points in GoF order; `before` (k, 6): their last symbols."""
+    """Symbols (k, 7) of control points in GoF order; `before` (k, 7): their last symbols."""
     count = len(before)
     if not count:
-        return np.zeros((0, 6), np.int64)
+        return np.zeros((0, NUM_CONTROL_COLUMNS), np.int64)
     lod = order_levels(count)
     earlier = EarlierPasses(count, hints=[np.abs(before).sum(axis=1)])
-    result = np.zeros((count, 6), np.int64)
+    result = np.zeros((count, NUM_CONTROL_COLUMNS), np.int64)
     for column in range(num_columns):
         given = None if target is None else target[:, column]
         result[:, column] = code_component(coder, given, lod, earlier)
@@ -121,7 +123,7 @@ def code_motion(
     block = np.arange(len(history.follows)) >> shape.block_log2
     given = None if symbols is None else symbols.follows
     follows = _code_follows(coder, given, modes[block], history.follows)
-    control = np.zeros(history.control.shape, np.int64)
+    control = np.zeros((len(history.control), NUM_CONTROL_COLUMNS), np.int64)
     target = None if symbols is None else symbols.control[shape.coded]
     before = history.control[shape.coded]
     control[shape.coded] = _code_control(next_coder(), target, before, shape.num_columns)

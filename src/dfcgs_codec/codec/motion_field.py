@@ -50,7 +50,7 @@ class MotionHistory:
     """What the frames before did, by control point; all int64.
 
     `translations`, `vectors` (n, 3): how the last motion differed from its prediction by coarser points;
-    `symbols` (n, 6): the last symbols.
+    `symbols` (n, 7): the last symbols.
     """
 
     translations: Int64
@@ -70,7 +70,7 @@ def _rest(count: int) -> MotionHistory:
     return MotionHistory(nothing, nothing, np.zeros((count, 6), np.int64))
 
 
-#: gives the symbols (rows, 6) of control points `rows`, told their expected translations and turn vectors
+#: gives the symbols (rows, 6 or 7) of control points `rows`, told their expected translations and turns
 SymbolSource = Callable[[slice, Int64, Int64], Int64]
 
 
@@ -134,7 +134,7 @@ class MotionField:
             moved = expected[0] + scaled(change[:, :3], header.translation_step)
             translations[rows] = np.clip(moved, -2 * STATE_LIMIT, 2 * STATE_LIMIT)
             if header.is_rigid:
-                turned = expected[1] + scaled(change[:, 3:], header.turn_step)
+                turned = expected[1] + scaled(change[:, 3:6], header.turn_step)
                 vectors[rows] = np.clip(turned, -STEREO_ONE, STEREO_ONE)
         return FieldMotion(RigidMotion(self.pivots, translations, vectors), predicted)
 

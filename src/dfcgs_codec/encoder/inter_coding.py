@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
+from dfcgs_codec.bitstream.constants import Attribute, Compensation, OutputOrder
 from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.inter import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.topology import TopologySymbols
@@ -26,6 +26,7 @@ from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
 from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
+from dfcgs_codec.encoder.spread_motion import spread_header, spread_motion
 from dfcgs_codec.encoder.targets import ordered
 from dfcgs_codec.transform.rotation import round_divide
 
@@ -142,16 +143,17 @@ class InterCoder:
         state = task.state
         levels = self._levels(state.visibility)
         multipliers = state.visibility.all_multipliers({a: levels[a] for a in moving if a in levels})
-        return choose_motion(
-            MotionTask(
-                state.motion(),
-                state.frame,
-                task.target,
-                changed,
-                steps,
-                BLOCK_LOG2,
-                multipliers,
-                forced,
-                task.hint,
-            )
+        motion_task = MotionTask(
+            state.motion(),
+            state.frame,
+            task.target,
+            changed,
+            steps,
+            BLOCK_LOG2,
+            multipliers,
+            forced,
+            task.hint,
         )
+        if self._plan.options.compensation == Compensation.SPREAD:
+            return spread_motion(motion_task, spread_header(self._plan, state.motion().field.num_points))
+        return choose_motion(motion_task)

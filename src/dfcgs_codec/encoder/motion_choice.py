@@ -26,7 +26,7 @@ Float64 = npt.NDArray[np.float64]
 Bool = npt.NDArray[np.bool_]
 
 #: translations are this share of the position step, so that their rounding does not show
-_TRANSLATION_SHARE = 1 / 8
+TRANSLATION_SHARE = 1 / 8
 #: motion symbols of less than this many steps are zero
 _ZERO_BIN = 0.55
 #: quarters of the last habits that are tried
@@ -88,7 +88,7 @@ class _Candidate:
 
 def motion_steps(task: MotionTask) -> tuple[int, int]:
     """Steps of translations, and of turn vectors that displace a Gaussian at the usual distance as much."""
-    step = max(1, int(task.steps[Attribute.POSITION] * _TRANSLATION_SHARE))
+    step = max(1, int(task.steps[Attribute.POSITION] * TRANSLATION_SHARE))
     pivots, ranks = task.motion.field.pivots, task.motion.binding.gathering.ranks
     apart = np.linalg.norm(pivots[ranks[0, ::16]] - pivots[ranks[3, ::16]], axis=1)
     # a turn vector of length v turns by about 4 v

@@ -8,7 +8,7 @@ from enum import Enum
 from fractions import Fraction
 
 from dfcgs_codec._version import __version__
-from dfcgs_codec.bitstream.constants import ControlRule, IntraKind, OutputOrder
+from dfcgs_codec.bitstream.constants import MAX_NEIGHBOURS, Compensation, ControlRule, IntraKind, OutputOrder
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, QUALITIES, Bound
 from dfcgs_codec.errors import InputError
 
@@ -38,8 +38,10 @@ class EncoderOptions:
     `qp` 0 (finest) to 51, the step doubles every 6; `bounds` replace the steps of their attributes and
     guarantee a maximum error; `gof_size` frames at most from one I-frame to the next, None: the encoder
     chooses, 60 at most; `keep_axes` leaves
-    the order and signs of each Gaussian's axes as they were; one control point for `control_spacing`
-    Gaussians (M of the paper); `visibility`: steps of residuals are coarser for what shows less;
+    the order and signs of each Gaussian's axes as they were; `compensation` SPREAD is the paper's rule, with
+    control points moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one
+    control point for `control_spacing` Gaussians (M of the paper);
+    `visibility`: steps of residuals are coarser for what shows less;
     `jobs` processes.
     """
 
@@ -52,8 +54,10 @@ class EncoderOptions:
     zero_bin: float = 0.6
     keep_axes: bool = False
     motion: MotionMode = MotionMode.AUTO
+    compensation: Compensation = Compensation.GATHER
     control_rule: ControlRule = ControlRule.FARTHEST
     control_spacing: int = 70
+    num_neighbours: int = 30
     visibility: bool = True
     jobs: int = 1
 
@@ -68,6 +72,9 @@ class EncoderOptions:
                 and self.frame_rate.denominator < _MAX_RATE_TERM
             ),
             f"--control-spacing {self.control_spacing}: 1 or more was expected": self.control_spacing >= 1,
+            f"--control-neighbours {self.num_neighbours}: 1 to {MAX_NEIGHBOURS} was expected": (
+                1 <= self.num_neighbours <= MAX_NEIGHBOURS
+            ),
             f"--jobs {self.jobs}: 1 or more was expected": self.jobs >= 1,
             f"zero_bin {self.zero_bin}: 0.5 to 1 was expected": 0.5 <= self.zero_bin <= 1.0,
         }
@@ -77,10 +84,11 @@ class EncoderOptions:
 
     def describe(self) -> str:
         """The settings in one line, for the file's encoder information."""
+        motion = self.motion.value + ("/spread" if self.compensation == Compensation.SPREAD else "")
         bounds = "".join(f" bound {bound.attribute}={bound.value:g}" for bound in self.bounds)
         return (
             f"dfcgs-codec {__version__} qp={self.qp:g} gof_size={self.gof_size or 'auto'}"
-            f" motion={self.motion.value} control={self.control_rule.name.lower()}/{self.control_spacing}"
+            f" motion={motion} control={self.control_rule.name.lower()}/{self.control_spacing}"
             f" steps={'visibility' if self.visibility else 'uniform'}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
         )

@@ -16,11 +16,14 @@ from dfcgs_codec.bitstream.constants import (
     LEVELS,
     MAX_BLOCK_LOG2,
     MAX_CONTROL_SHIFT,
+    MAX_DECAY_EXPONENT,
+    MAX_NEIGHBOURS,
     MAX_OPACITY_EXPONENT,
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
     MAX_TEMPORAL_WEIGHT,
     MIN_BLOCK_LOG2,
+    ROTATION_FRACTION_BITS,
     STATE_LIMIT,
     STEREO_FRACTION_BITS,
     Attribute,
@@ -39,7 +42,7 @@ from dfcgs_codec.bitstream.frame_headers import (
 )
 from dfcgs_codec.bitstream.index import End, Index, IndexEntry
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
-from dfcgs_codec.bitstream.motion_header import MotionHeader
+from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.errors import BitstreamError, CorruptBitstream, LimitExceeded, UnsupportedBitstream
 
@@ -117,6 +120,17 @@ MOTION_HEADERS = st.builds(
     st.integers(1, STATE_LIMIT),
     st.integers(0, 1 << STEREO_FRACTION_BITS),
 )
+SPREAD_HEADERS = st.builds(
+    SpreadHeader, st.integers(1, MAX_NEIGHBOURS), st.integers(-MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT)
+)
+SPREAD_MOTION_HEADERS = st.builds(
+    MotionHeader,
+    st.integers(0, 50),
+    st.just(0),
+    st.integers(1, STATE_LIMIT),
+    st.integers(0, 1 << ROTATION_FRACTION_BITS),
+    SPREAD_HEADERS,
+)
 
 
 @st.composite
@@ -166,7 +180,8 @@ STRUCTURES: dict[str, tuple[st.SearchStrategy[Any], Callable[[ByteReader, Any], 
     "SortGrid": (SORT_GRIDS, lambda r, _: SortGrid.read(r)),
     "IntraHeader": (intra_headers(), lambda r, _: IntraHeader.read(r, SMALL)),
     "InterHeader": (inter_headers(), lambda r, _: InterHeader.read(r, SMALL)),
-    "MotionHeader": (MOTION_HEADERS, lambda r, _: MotionHeader.read(r, 50)),
+    "SpreadHeader": (SPREAD_HEADERS, lambda r, _: SpreadHeader.read(r)),
+    "MotionHeader": (st.one_of(MOTION_HEADERS, SPREAD_MOTION_HEADERS), lambda r, _: MotionHeader.read(r, 50)),
     "Index": (indices(), lambda r, _: Index.read(r, SMALL)),
     "End": (st.builds(End, LENGTHS), lambda r, _: End.read(r)),
 }
@@ -377,6 +392,10 @@ def test_a_frame_that_repeats_its_reference_takes_18_bytes() -> None:
 # --- MotionHeader -------------------------------------------------------------------------------------
 
 
+def spread_header(num_neighbours: int, decay_exponent: int, turn_step: int = 1) -> MotionHeader:
+    return MotionHeader(5, 0, 4, turn_step, SpreadHeader(num_neighbours, decay_exponent))
+
+
 @pytest.mark.parametrize(
     ("header", "error", "words"),
     [
@@ -385,11 +404,20 @@ def test_a_frame_that_repeats_its_reference_takes_18_bytes() -> None:
         (MotionHeader(5, 0, 0, 2), CorruptBitstream, "translation_step is 0"),
         (MotionHeader(5, 0, STATE_LIMIT + 1, 2), LimitExceeded, "translation_step"),
         (MotionHeader(5, 0, 4, (1 << STEREO_FRACTION_BITS) + 1), LimitExceeded, "turn_step"),
+        (spread_header(30, 0, (1 << ROTATION_FRACTION_BITS) + 1), LimitExceeded, "turn_step"),
+        (spread_header(MAX_NEIGHBOURS + 1, 0), LimitExceeded, "num_neighbours"),
+        (spread_header(0, 0), CorruptBitstream, "num_neighbours is 0"),
+        (spread_header(30, -MAX_DECAY_EXPONENT - 1), LimitExceeded, "decay_exponent"),
     ],
 )
 def test_motion_header_refuses(header: MotionHeader, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         MotionHeader.read(ByteReader(write(header)), 10)
+
+
+def test_an_unknown_compensation_is_not_guessed() -> None:
+    with pytest.raises(UnsupportedBitstream, match="compensation 2"):
+        MotionHeader.read(ByteReader(b"\x02" + write(MotionHeader(5, 0, 4, 2))[1:]), 10)
 
 
 # --- Index --------------------------------------------------------------------------------------------

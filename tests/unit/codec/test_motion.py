@@ -20,7 +20,7 @@ def random_motion(
     points: int, coded: int, columns: int, count: int, share: float, seed: int = 0
 ) -> MotionSymbols:
     rng = np.random.default_rng(seed)
-    control = np.zeros((points, 6), np.int64)
+    control = np.zeros((points, 7), np.int64)
     control[:coded, :columns] = np.rint(rng.normal(size=(coded, columns)) * 20).astype(np.int64)
     follows = rng.random(count) < share
     return MotionSymbols(control, classify_modes(follows, 3), follows)
@@ -33,7 +33,7 @@ def test_modes_of_blocks() -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("coded", [0, 1, 40, 100])
-@pytest.mark.parametrize("columns", [3, 6])
+@pytest.mark.parametrize("columns", [3, 6, 7])
 def test_round_trip_with_history(coded: int, columns: int, share: float) -> None:
     shape = MotionShape(np.random.default_rng(5).permutation(coded), columns, 3)
     history = MotionSymbols.none(100, 515, 65)
