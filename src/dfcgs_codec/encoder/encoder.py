@@ -77,14 +77,16 @@ def _segments(plan: SequencePlan) -> list[tuple[int, int]]:
     return [(start, min(start + size, count)) for start in range(0, count, size)]
 
 
-def _coded_segments(source: FrameSource, plan: SequencePlan) -> Iterator[CodedSegment]:
-    """Segments in order, coded by this process or by `options.jobs` others."""
+def _coded_segments(
+    source: FrameSource, plan: SequencePlan, on_frame: Callable[[], None] | None
+) -> Iterator[CodedSegment]:
+    """Segments in order, coded by this process, which calls `on_frame`, or by `options.jobs` others."""
     segments = _segments(plan)
     if min(plan.options.jobs, len(segments)) > 1:
         yield from code_in_parallel(source, plan, segments)
         return
     encoder = SegmentEncoder(source, plan)
-    yield from (encoder.encode(*segment) for segment in segments)
+    yield from (encoder.encode(*segment, on_frame) for segment in segments)
 
 
 def _write(
@@ -93,12 +95,19 @@ def _write(
     report = EncodeReport(notes=list(plan.quantisation.notes))
     writer = ContainerWriter(file, plan.header)
     writer.chunk(ChunkType.ENCODER_INFO, 0, plan.options.describe().encode())
-    for segment in _coded_segments(source, plan):
+    done = 0
+
+    def advance(count: int) -> None:
+        nonlocal done
+        if progress and count > done:
+            progress(count, plan.header.num_frames)
+        done = max(done, count)
+
+    for segment in _coded_segments(source, plan, lambda: advance(done + 1)):
         for gof in segment.gofs:
             writer.gof(gof.first_frame, gof.frames)
         report.merge(segment.report)
-        if progress:
-            progress(len(report.frames), plan.header.num_frames)
+        advance(len(report.frames))
     writer.finish()
     report.num_bytes = writer.size
     return report

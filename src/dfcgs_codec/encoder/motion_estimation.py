@@ -80,7 +80,8 @@ def measure(
 
 def trusted(errors: Float64, step: int) -> Float64:
     """Weights (N,) of Gaussians whose motion misses by `errors` (N, 3): less for those that go elsewhere."""
-    distance = (errors * errors).sum(axis=1) / (_TRUSTED_STEPS * step) ** 2
+    x, y, z = errors.T
+    distance = (x * x + y * y + z * z) / (_TRUSTED_STEPS * step) ** 2
     weights: Float64 = 1.0 / (1.0 + distance)
     return weights
 

@@ -5,6 +5,8 @@ A segment starts with an I-frame, so segments can be coded in any order and by a
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -69,6 +71,15 @@ class _Anchor:
 
 
 @dataclass(frozen=True)
+class _Input:
+    """A frame of the input, its planes in its own order, and what is to be said of it."""
+
+    cloud: GaussianCloud
+    planes: Planes
+    notes: list[str]
+
+
+@dataclass(frozen=True)
 class _Loop:
     """The closed loop after a frame: what was coded, who its Gaussians are, what they should have been.
 
@@ -97,23 +108,39 @@ class SegmentEncoder:
         self._meter = ErrorMeter(plan.header.unit_exponents)
         self._anchors: dict[int, _Anchor] = {}
 
-    def encode(self, start: int, stop: int) -> CodedSegment:
-        """Frames start..stop - 1."""
+    def encode(self, start: int, stop: int, on_frame: Callable[[], None] | None = None) -> CodedSegment:
+        """Frames start..stop - 1; calls `on_frame` after each."""
         segment = CodedSegment()
         loop: _Loop | None = None
-        for index in range(start, stop):
-            cloud, notes = self._source.read(index)
-            segment.report.notes += notes
-            loop = self._next(index, cloud, loop)
-            if loop.coded.kind == "I":
-                segment.gofs.append(CodedGof(index))
-            segment.gofs[-1].frames.append(loop.coded.data)
-            self._record(segment, index, loop)
+        measured: Future[None] | None = None
+        # a frame is read while the one before is coded, and the one before that is measured
+        with ThreadPoolExecutor(2) as beside:
+            ahead = beside.submit(self._read, start)
+            for index in range(start, stop):
+                frame = ahead.result()
+                if index + 1 < stop:
+                    ahead = beside.submit(self._read, index + 1)
+                segment.report.notes += frame.notes
+                loop = self._next(index, frame, loop)
+                if loop.coded.kind == "I":
+                    segment.gofs.append(CodedGof(index))
+                segment.gofs[-1].frames.append(loop.coded.data)
+                if measured is not None:
+                    measured.result()
+                measured = beside.submit(self._record, segment, index, loop)
+                if on_frame is not None:
+                    on_frame()
+            if measured is not None:
+                measured.result()
         return segment
 
-    def _next(self, index: int, cloud: GaussianCloud, before: _Loop | None) -> _Loop:
+    def _read(self, index: int) -> _Input:
+        cloud, notes = self._source.read(index)
+        return _Input(cloud, self._targets.planes(cloud), notes)
+
+    def _next(self, index: int, frame: _Input, before: _Loop | None) -> _Loop:
         """P or I, whichever is smallest; I is tried only where P is large or cannot be."""
-        planes = self._targets.planes(cloud)
+        cloud, planes = frame.cloud, frame.planes
         found: list[_Loop] = []
         limit = 0.0
         if before is not None:
@@ -190,7 +217,7 @@ class SegmentEncoder:
         first = self._plan.anchors[index]
         if first not in self._anchors:
             cloud, _ = self._source.read(first)
-            planes = self._targets.planes(cloud)
+            planes = Targets(self._plan.header.unit_exponents).planes(cloud)
             step = self._plan.steps[Attribute.POSITION]
             indices = round_divide(planes[Attribute.POSITION], step)
             rank = np.empty(len(indices), np.int64)

@@ -27,10 +27,18 @@ def round_divide(numerator: Int64, denominator: Int64 | int) -> Int64:
     return (2 * numerator + denominator) // (2 * denominator)
 
 
+def _squared_length(vectors: Int64) -> Int64:
+    # column by column: numpy's sum over a short last axis is several times slower
+    total = vectors[:, 0] * vectors[:, 0]
+    for column in range(1, vectors.shape[1]):
+        total += vectors[:, column] * vectors[:, column]
+    return total
+
+
 def from_stereo(vectors: Int64) -> Int64:
     """Unit quaternions (N, 4), Q1.24, of stereographic `vectors` (N, 3), Q0.18, clipped to +-1."""
     p = np.clip(vectors, -STEREO_ONE, STEREO_ONE)
-    squared = (p * p).sum(1)
+    squared = _squared_length(p)
     one = STEREO_ONE * STEREO_ONE
     denominator = one + squared
     quaternions = np.empty((len(p), 4), np.int64)
@@ -65,7 +73,7 @@ def multiply(a: Int64, b: Int64) -> Int64:
 
 def normalise(quaternions: Int64) -> Int64:
     """Scale Q1.24 quaternions (N, 4), not zero, back to length 1."""
-    squared = (quaternions * quaternions).sum(1)
+    squared = _squared_length(quaternions)
     # exact: the square root of an integer below 2**53 is correctly rounded
     length = np.sqrt(squared.astype(np.float64)).astype(np.int64)
     return round_divide(quaternions << ROTATION_FRACTION_BITS, np.maximum(length, 1)[:, None])
