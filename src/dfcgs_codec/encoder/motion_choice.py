@@ -37,15 +37,20 @@ _FIRST_MEASURED = 49_152
 _GIVE_UP = 1.02
 #: frames after which all is tried again
 _SEARCH_PERIOD = 8
+#: and when what was best costs this many times what it did
+_MUCH_WORSE = 1.3
+#: bits of motion count by this much: what is learnt from it makes that of later frames cheaper
+_MOTION_SHARE = 0.6
 #: bits that a Gaussian costs which stands still, but is carried along and has to be brought back
 _BRING_BACK_BITS = 8.0
 
 
 @dataclass(frozen=True)
 class MotionHint:
-    """The header that was best in the frame before, and how many frames in a row were searched from it."""
+    """The header that was best in the frame before, its bits, and how many frames ago all was tried."""
 
     header: MotionHeader
+    bits: float
     age: int
 
 
@@ -109,6 +114,8 @@ class _Search:
 
     def __init__(self, task: MotionTask) -> None:
         self._task = task
+        #: frames since all was tried; before any motion not all could be
+        self.age = 0 if task.motion.symbols.control.any() else _SEARCH_PERIOD
         self._judge = MotionJudge(
             task.motion, task.reference, task.target, task.changed, task.steps, task.multipliers
         )
@@ -142,25 +149,33 @@ class _Search:
         quantiser = MotionQuantiser(field, moments, header, _ZERO_BIN)
         moved = field.move(header, quantiser)
         num_bytes = _control_bytes(self._task, header, quantiser.symbols)
-        bits = self._judge.bits(moved.motion, is_rigid=header.is_rigid) + 8 * num_bytes
+        bits = self._judge.bits(moved.motion, is_rigid=header.is_rigid) + _MOTION_SHARE * 8 * num_bytes
         return _Candidate(header, quantiser.symbols, bits)
 
     def candidates(self) -> Iterator[_Candidate]:
-        """What was best in the frame before and one thing else, another one each time; all now and then."""
+        """What was best in the frame before and one thing else, another one each time.
+
+        All, now and then and where that does much worse than it did.
+        """
         hint = self._task.hint
         if hint is None or hint.age >= _SEARCH_PERIOD:
             yield from self._search()
             return
         step, turn = motion_steps(self._task)
         last = replace(hint.header, translation_step=step, turn_step=turn if hint.header.is_rigid else 0)
-        yield self.attempt(last)
+        led = self.attempt(last)
+        yield led
+        if led.bits > _MUCH_WORSE * hint.bits:
+            yield from self._search()
+            return
+        self.age = hint.age + 1
         starts = level_starts(self._task.motion.field.num_points)[1:]
         coarser = [count for count in starts if count < last.num_coded]
         finer = [count for count in starts if count > last.num_coded]
         others = [
+            replace(last, turn_step=0 if last.is_rigid else turn),
             replace(last, temporal_weight=sum(_TEMPORAL_WEIGHTS) - last.temporal_weight),
             *(replace(last, num_coded=count) for count in (coarser[-1:] + finer[:1])),
-            replace(last, turn_step=0 if last.is_rigid else turn),
         ]
         yield self.attempt(others[hint.age % len(others)])
 
@@ -192,8 +207,8 @@ def choose_motion(task: MotionTask) -> MotionTrial | None:
     symbols = _symbols(task, best.control, follows)
     carried = carried.only(follows, task.reference)
     saved = 1 - best.bits / search.rest
-    age = 0 if task.hint is None or task.hint.age >= _SEARCH_PERIOD else task.hint.age + 1
-    return MotionTrial(best.header, symbols, carried, saved, MotionHint(best.header, age))
+    hint = MotionHint(best.header, best.bits, search.age)
+    return MotionTrial(best.header, symbols, carried, saved, hint)
 
 
 def _symbols(task: MotionTask, control: Int64, follows: Bool) -> MotionSymbols:

@@ -22,16 +22,24 @@ _SAMPLE = 6144
 #: steps above which a residual is not zero, and what such a one costs besides its octave
 _SIGNIFICANT = 0.6
 _VALUE_BITS = 1.6
+#: bits that a squared error of one step is worth
+_ERROR_BITS = 6.0
 
 
 def residual_bits(errors: Float64) -> float:
-    """About the bits of residuals (rows, C) in steps: which are not zero, their signs, their octaves."""
+    """About the bits of residuals (rows, C) in steps: which are not zero, their signs, their octaves.
+
+    And what their errors are worth.
+    """
     symbols = np.abs(errors)
     significant = symbols >= _SIGNIFICANT
     share = np.clip(significant.mean(axis=0), 1e-9, 1 - 1e-9)
     flags = -(share * np.log2(share) + (1 - share) * np.log2(1 - share)).sum() * len(errors)
     values = symbols[significant]
-    return float(flags + _VALUE_BITS * len(values) + np.log2(np.maximum(values, 1.0)).sum())
+    bits = flags + _VALUE_BITS * len(values) + np.log2(np.maximum(values, 1.0)).sum()
+    # what is not coded stays as an error
+    small = symbols[~significant]
+    return float(bits + _ERROR_BITS * ((small * small).sum() + len(values) / 12))
 
 
 class MotionJudge:

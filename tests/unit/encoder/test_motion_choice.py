@@ -92,4 +92,6 @@ def test_residual_bits_rise_with_errors() -> None:
     errors = rng.normal(size=(500, 3))
     bits = [residual_bits(errors * size) for size in (0.1, 0.5, 1, 4, 100)]
     assert bits == sorted(bits)
-    assert bits[0] < 10
+    assert residual_bits(0 * errors) < 1e-3
+    # errors that are not coded cost their square
+    assert bits[0] == pytest.approx(6.0 * (0.01 * errors**2).sum(), rel=0.01)
