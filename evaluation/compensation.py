@@ -39,6 +39,10 @@ SETTINGS = {
     "main": EncoderOptions(motion=MotionMode.ONLY),
     "main_m280": EncoderOptions(motion=MotionMode.ONLY, control_spacing=280),
     "paper": EncoderOptions(motion=MotionMode.ONLY, compensation=Compensation.SPREAD),
+    "paper_k60": EncoderOptions(motion=MotionMode.ONLY, compensation=Compensation.SPREAD, num_neighbours=60),
+    "paper_k120": EncoderOptions(
+        motion=MotionMode.ONLY, compensation=Compensation.SPREAD, num_neighbours=120
+    ),
 }
 REPEAT, BEST = "repeat", "paper_best"
 

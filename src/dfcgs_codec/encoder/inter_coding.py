@@ -153,6 +153,7 @@ class InterCoder:
             multipliers,
             forced,
             task.hint,
+            mode != MotionMode.ONLY,
         )
         if self._plan.options.compensation == Compensation.SPREAD:
             return spread_motion(motion_task, spread_header(self._plan, state.motion().field.num_points))

@@ -59,7 +59,8 @@ class MotionTask:
     """A frame to be moved to: the GoF's motion so far, reference, target, who `changed` (N,), the steps.
 
     `multipliers`: by what 256ths the steps of each Gaussian are coarser, (N, 1), where they are not one;
-    `is_forced`: whether it moves, even where that does not pay; `hint`: what was best in the frame before.
+    `is_forced`: whether it moves, even where that does not pay; `hint`: what was best in the frame before;
+    `has_residual`: whether one follows.
     """
 
     motion: GofMotion
@@ -71,6 +72,7 @@ class MotionTask:
     multipliers: Mapping[Attribute, Int64] = field(default_factory=dict)
     is_forced: bool = False
     hint: MotionHint | None = None
+    has_residual: bool = True
 
 
 @dataclass(frozen=True)
@@ -117,7 +119,13 @@ class _Search:
         #: frames since all was tried; before any motion not all could be
         self.age = 0 if task.motion.symbols.control.any() else _SEARCH_PERIOD
         self._judge = MotionJudge(
-            task.motion, task.reference, task.target, task.changed, task.steps, task.multipliers
+            task.motion,
+            task.reference,
+            task.target,
+            task.changed,
+            task.steps,
+            task.multipliers,
+            has_residual=task.has_residual,
         )
         self._moments = self._measure()
         self.rest = self._judge.bits(None, is_rigid=False)

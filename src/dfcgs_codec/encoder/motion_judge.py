@@ -24,6 +24,8 @@ _SIGNIFICANT = 0.6
 _VALUE_BITS = 1.6
 #: bits that a squared error of one step is worth
 _ERROR_BITS = 6.0
+#: steps beyond which an error does no more harm
+_WORST_ERROR = 16.0
 
 
 def residual_bits(errors: Float64) -> float:
@@ -42,6 +44,12 @@ def residual_bits(errors: Float64) -> float:
     return float(bits + _ERROR_BITS * ((small * small).sum() + len(values) / 12))
 
 
+def lasting_bits(errors: Float64) -> float:
+    """What errors (rows, C) in steps are worth that no residual will mend."""
+    size = np.minimum(np.abs(errors), _WORST_ERROR)
+    return float(_ERROR_BITS * (size * size).sum())
+
+
 class MotionJudge:
     """Positions and rotations of the Gaussians that changed, against where motions would bring them."""
 
@@ -53,10 +61,13 @@ class MotionJudge:
         changed: Bool,
         steps: dict[Attribute, int],
         multipliers: Mapping[Attribute, Int64],
+        *,
+        has_residual: bool = True,
     ) -> None:
         rows = np.flatnonzero(changed)
         sample = rows[:: max(1, len(rows) // _SAMPLE)]
         self._scale = len(rows) / len(sample)
+        self._cost = residual_bits if has_residual else lasting_bits
         self._binding = motion.binding.of_rows(sample)
         self._steps = {
             a: steps[a] * (multipliers[a][sample] / 256.0 if a in multipliers else np.ones((1, 1)))
@@ -75,5 +86,5 @@ class MotionJudge:
         if motion is not None and is_rigid:
             rotations = turned(rotations, self._binding.turns(motion))
         turns = relative_rotation(self._turned_goal, rotations, 1) / self._steps[Attribute.ROTATION]
-        bits = residual_bits(error.T / self._steps[Attribute.POSITION]) + residual_bits(turns)
+        bits = self._cost(error.T / self._steps[Attribute.POSITION]) + self._cost(turns)
         return bits * self._scale

@@ -10,7 +10,7 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import ControlRule
-from dfcgs_codec.encoder.motion_judge import residual_bits
+from dfcgs_codec.encoder.motion_judge import lasting_bits, residual_bits
 from dfcgs_codec.encoder.options import MotionMode
 from tests.helpers import all_changing, make_cloud, real_cloud, still, travelling, waving
 
@@ -85,6 +85,14 @@ def test_outliers_and_coincident_gaussians(tmp_path: Path) -> None:
     cloud = replace(cloud, positions=positions)
     found = sizes([waving(cloud, 0.02 * i) for i in range(3)], tmp_path, EncoderOptions(control_spacing=15))
     assert len(found) == 2
+
+
+def test_errors_that_stay_cost_their_square_up_to_a_limit() -> None:
+    assert lasting_bits(np.array([[0.0, 0.0, 0.0]])) == 0
+    assert lasting_bits(np.array([[3.0, -4.0, 0.0]])) == pytest.approx(
+        25 * lasting_bits(np.array([[1.0, 0, 0]]))
+    )
+    assert lasting_bits(np.array([[1e9, 0, 0]])) == lasting_bits(np.array([[1e3, 0, 0]]))
 
 
 def test_residual_bits_rise_with_errors() -> None:
