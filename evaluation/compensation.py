@@ -34,15 +34,14 @@ from training.scenes.catalogue import scene as named_scene
 #: frames of the paper's GoF
 NUM_FRAMES = 10
 QPS = (21, 28)
+_PAPER = EncoderOptions(motion=MotionMode.ONLY, compensation=Compensation.SPREAD)
 #: settings by what they are called in the result
 SETTINGS = {
     "main": EncoderOptions(motion=MotionMode.ONLY),
     "main_m280": EncoderOptions(motion=MotionMode.ONLY, control_spacing=280),
-    "paper": EncoderOptions(motion=MotionMode.ONLY, compensation=Compensation.SPREAD),
-    "paper_k60": EncoderOptions(motion=MotionMode.ONLY, compensation=Compensation.SPREAD, num_neighbours=60),
-    "paper_k120": EncoderOptions(
-        motion=MotionMode.ONLY, compensation=Compensation.SPREAD, num_neighbours=120
-    ),
+    "paper": _PAPER,
+    "paper_k60": replace(_PAPER, num_neighbours=60),
+    "paper_k120": replace(_PAPER, num_neighbours=120),
 }
 REPEAT, BEST = "repeat", "paper_best"
 

@@ -26,7 +26,7 @@ from evaluation.sequences import WORK, Sequence, materialise
 from evaluation.views import cameras
 from training.scenes.catalogue import group
 
-GOF_SIZES = (10, 30, 60, 300)
+GOF_SIZES = (4, 10, 32, 60, 300)
 QP = 28
 VIEWS = (0, 3)
 _CACHE = WORK / "cache"

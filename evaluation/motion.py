@@ -1,17 +1,20 @@
 """What motion is worth, and its parts: ablations and sensitivity, as the paper's tables have them.
 
-    python -m evaluation.motion [--scenes NAME ...] [--variants NAME ...]
+    python -m evaluation.motion [--frames N] [--scenes NAME ...] [--variants NAME ...]
 
-Every variant of `dfcgs encode` on every evaluation scene that has P-frames, at three QPs, against the
-default: bytes at equal PSNR of whole files and of P-frames alone. Figures land in
+Every variant of `dfcgs encode` on the first frames of every evaluation scene that has P-frames, at three QPs,
+against the default: bytes at equal PSNR of whole files and of P-frames alone. Figures land in
 `evaluation/results/motion.json` after every scene; what was measured before by the same code is taken from
-the cache of `evaluation.bench`.
+the cache of `evaluation.bench`. Lengths of GoFs are `evaluation.drift`'s, the paper's rule alone
+`evaluation.compensation`'s.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence as Arguments
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from dfcgs_codec.encoder.rate_control import QUALITIES
@@ -19,26 +22,31 @@ from evaluation.assets import has_asset
 from evaluation.bd import bd_delta
 from evaluation.bench import PLANS, known_results, subject_of
 from evaluation.measure import Subject, measure
-from evaluation.points import codec_point
+from evaluation.points import Point, codec_point
 from evaluation.record import write_result
 from training.scenes.catalogue import group
 
-_QPS = {QUALITIES[name]: name for name in ("high", "medium", "low")}
+_QPS = [QUALITIES[name] for name in ("high", "medium", "low")]
 _DEFAULT = "default"
 #: options of `dfcgs encode` by variant
 VARIANTS: dict[str, list[str]] = {
     "no motion": ["--motion", "off"],
-    "motion forced": ["--motion", "on"],
-    "motion only": ["--motion", "only"],
+    "motion in every frame": ["--motion", "on"],
+    "no residual": ["--motion", "only"],
+    "paper's rule": ["--compensation", "paper"],
     "uniform steps": ["--steps", "uniform"],
     "M = 35": ["--control-spacing", "35"],
     "M = 140": ["--control-spacing", "140"],
     "M = 280": ["--control-spacing", "280"],
     "stride": ["--control-points", "stride"],
-    "L = 4": ["--gof-size", "4"],
-    "L = 10": ["--gof-size", "10"],
-    "L = 32": ["--gof-size", "32"],
-    "L = 300": ["--gof-size", "300"],
+}
+#: what no option leaves out is left out in the encoder's process: statements before it runs
+PATCHES = {
+    "all control points or none": "motion_choice.level_starts = lambda n: [0, n]",
+    "translation only": (
+        "steps = motion_choice.motion_steps; motion_choice.motion_steps = lambda task: (steps(task)[0], 0)"
+    ),
+    "no temporal prediction": "motion_choice._TEMPORAL_WEIGHTS = (0,)",
 }
 #: scenes without anything to predict
 _WITHOUT_MOTION = ("plant_bend_untracked",)
@@ -46,17 +54,27 @@ _WITHOUT_MOTION = ("plant_bend_untracked",)
 Figures = dict[str, Any]
 
 
+def _patched(point: Point, statement: str) -> Point:
+    """The same with a statement before the encoder runs; one GoF, so that all of it is in that process."""
+    imports = "from dfcgs_codec.cli import main; from dfcgs_codec.encoder import motion_choice"
+    program = f"{imports}; {statement}; main()"
+
+    def encode(frames: Path, target: Path) -> list[str]:
+        python, _, _, *arguments = point.encode(frames, target)
+        return [python, "-c", program, *arguments]
+
+    return replace(point, encode=encode)
+
+
+def variant_point(variant: str, qp: int) -> Point:
+    """A variant as a user would run it, or as near to that as can be."""
+    point = codec_point("dfcgs", f"{variant}, qp{qp}", ["--qp", str(qp), *VARIANTS.get(variant, [])])
+    return _patched(point, PATCHES[variant]) if variant in PATCHES else point
+
+
 def _points(subject: Subject, variant: str) -> list[Figures]:
-    """Figures of a variant at every QP; the default's are those of the presets in `evaluation.bench`."""
-    rows = []
-    for qp, preset in _QPS.items():
-        if variant == _DEFAULT:
-            point = codec_point("dfcgs", preset, ["--quality", preset], preset)
-        elif variant == "no motion":
-            point = codec_point("dfcgs_still", f"qp{qp}", ["--qp", str(qp)])
-        else:
-            point = codec_point("dfcgs", f"{variant}, qp{qp}", ["--qp", str(qp), *VARIANTS[variant]])
-        rows.append(measure(subject, point))
+    """Figures of a variant at every QP."""
+    rows = [measure(subject, variant_point(variant, qp)) for qp in _QPS]
     return [row for row in rows if "bytes" in row]
 
 
@@ -81,8 +99,9 @@ def compare(default: list[Figures], rows: list[Figures]) -> Figures:
 def main(arguments: Arguments[str] | None = None) -> None:
     """Run and write the result after every scene."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--frames", type=int, default=20, help="of every scene, at most")
     parser.add_argument("--scenes", nargs="*", default=[], help="only these")
-    parser.add_argument("--variants", nargs="*", default=list(VARIANTS), help="only these")
+    parser.add_argument("--variants", nargs="*", default=[*VARIANTS, *PATCHES], help="only these")
     args = parser.parse_args(arguments)
     plan = PLANS["bench"]
     results = known_results("motion")
@@ -91,7 +110,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
             continue
         if args.scenes and scene.name not in args.scenes:
             continue
-        subject = subject_of(scene, plan.max_frames, plan.views)
+        subject = subject_of(scene, args.frames, plan.views)
         default = _points(subject, _DEFAULT)
         found = results.setdefault(scene.name, {})
         found[_DEFAULT] = compare(default, default)
@@ -104,7 +123,9 @@ def main(arguments: Arguments[str] | None = None) -> None:
                 found[variant]["bd_rate_inter"],
                 flush=True,
             )
-        path = write_result("motion", {"qps": list(_QPS), "variants": VARIANTS}, results)
+        path = write_result(
+            "motion", {"frames": args.frames, "qps": _QPS, "variants": VARIANTS | PATCHES}, results
+        )
     print(path)
 
 

@@ -9,7 +9,13 @@ from matplotlib.figure import Figure
 
 from evaluation.charts.style import write_chart
 
-_COLOURS = {"gof10": "#56b4e9", "gof30": "#009e73", "gof60": "#e69f00", "gof300": "#d55e00"}
+_COLOURS = {
+    "gof4": "#cc79a7",
+    "gof10": "#56b4e9",
+    "gof32": "#009e73",
+    "gof60": "#e69f00",
+    "gof300": "#d55e00",
+}
 #: frames of the moving average that is drawn over the single frames
 _WINDOW = 9
 

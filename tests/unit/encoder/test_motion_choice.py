@@ -89,9 +89,8 @@ def test_outliers_and_coincident_gaussians(tmp_path: Path) -> None:
 
 def test_errors_that_stay_cost_their_square_up_to_a_limit() -> None:
     assert lasting_bits(np.array([[0.0, 0.0, 0.0]])) == 0
-    assert lasting_bits(np.array([[3.0, -4.0, 0.0]])) == pytest.approx(
-        25 * lasting_bits(np.array([[1.0, 0, 0]]))
-    )
+    one = lasting_bits(np.array([[1.0, 0.0, 0.0]]))
+    assert lasting_bits(np.array([[3.0, -4.0, 0.0]])) == pytest.approx(25 * one)
     assert lasting_bits(np.array([[1e9, 0, 0]])) == lasting_bits(np.array([[1e3, 0, 0]]))
 
 
