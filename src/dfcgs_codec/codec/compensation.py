@@ -24,7 +24,6 @@ from dfcgs_codec.transform.control_points import CELL_LIMIT, control_cells, gath
 from dfcgs_codec.transform.morton import morton_keys
 from dfcgs_codec.transform.rotation import ONE, from_stereo, multiply, normalise
 from dfcgs_codec.transform.spreading import Spreading, SpreadingSource, rows_of
-from dfcgs_codec.transform.threads import beside
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
@@ -157,21 +156,15 @@ class GofMotion:
         rows = np.flatnonzero(symbols.follows)
         binding = self.binding.of_rows(rows)
         planes = dict(reference.planes)
-
-        def rotations() -> Plane:
-            if not header.is_rigid:
-                return reference.planes[Attribute.ROTATION]
-            rotations = reference.planes[Attribute.ROTATION].wide()
-            rotations[rows] = turned(rotations[rows], binding.turns(moved.motion))
-            return Plane(rotations)
-
-        turning = beside(rotations)
         positions = reference.planes[Attribute.POSITION].wide()
         moves = binding.moves(moved.motion, positions[rows].T.astype(np.float64))
         carried = positions[rows] + binding.chosen(moves).T.astype(np.int64)
         positions[rows] = np.clip(carried, -STATE_LIMIT, STATE_LIMIT)
         planes[Attribute.POSITION] = Plane(positions)
-        planes[Attribute.ROTATION] = turning.result()
+        if header.is_rigid:
+            rotations = reference.planes[Attribute.ROTATION].wide()
+            rotations[rows] = turned(rotations[rows], binding.turns(moved.motion))
+            planes[Attribute.ROTATION] = Plane(rotations)
         gathered = Gathered(rows, moves, moved, binding, header.translation_step)
         return Carried(replace(reference, planes=planes, verbatim=None), gathered)
 

@@ -24,7 +24,6 @@ from dfcgs_codec.codec.symbol_reader import SymbolReader
 from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topology
 from dfcgs_codec.codec.verbatim import cloud_of_columns, code_verbatim, state_of
 from dfcgs_codec.errors import CorruptBitstream, VerificationError
-from dfcgs_codec.transform.threads import beside
 
 
 class _Streams:
@@ -114,10 +113,7 @@ class GofDecoder:
         predicted = state.frame if carried is None else carried[0].state
         coarser = state.visibility.all_multipliers(header.visibility)
         frame = reconstruct_inter(symbols, header.steps, predicted, coarser)
-        hashing = beside(frame.hash) if self._check and topology is None else None
         state = state.after(frame, symbols, carried)
-        if hashing is not None:
-            hashing.result()
         if topology is not None:
             state = topology.finish(state, header.block_log2)
         return self._keep(state, header.frame_hash, head)

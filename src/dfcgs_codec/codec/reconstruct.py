@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +16,6 @@ from dfcgs_codec.codec.visibility import MULTIPLIER_BITS
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.lod import GofLevels
 from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, normalise, round_divide
-from dfcgs_codec.transform.threads import beside
 
 Int64 = npt.NDArray[np.int64]
 
@@ -92,15 +90,11 @@ def reconstruct_inter(
     if not symbols.activity:
         return reference
     planes, coarser = dict(reference.planes), multipliers or {}
-
-    def changed(attribute: Attribute) -> Plane:
+    for attribute, activity in symbols.activity.items():
         plane, step = reference.planes[attribute], steps[attribute]
-        activity = symbols.activity[attribute]
         if attribute == Attribute.ROTATION:
-            return _turn(plane, activity.symbols, step, coarser.get(attribute))
-        changes = _coarser(scaled(activity.symbols, step), coarser.get(attribute))
-        return _in_range(plane.wide() + changes)
-
-    found = {attribute: beside(partial(changed, attribute)) for attribute in symbols.activity}
-    planes |= {attribute: plane.result() for attribute, plane in found.items()}
+            planes[attribute] = _turn(plane, activity.symbols, step, coarser.get(attribute))
+        else:
+            changes = _coarser(scaled(activity.symbols, step), coarser.get(attribute))
+            planes[attribute] = _in_range(plane.wide() + changes)
     return replace(reference, planes=planes, verbatim=None)

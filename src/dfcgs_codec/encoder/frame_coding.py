@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +28,6 @@ from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topolo
 from dfcgs_codec.codec.verbatim import VerbatimSymbols, code_verbatim
 from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.streams import Streams
-from dfcgs_codec.transform.threads import beside
 
 Int64 = npt.NDArray[np.int64]
 
@@ -198,19 +196,15 @@ def code_inter_frame(
     activity, carried, source = None, None, None
     predicted = before.frame
     if trial is not None:
+        chunks.append(_motion_chunk(frame_index, before.motion(), trial, block_log2))
         predicted, activity = trial.carried.state, trial.symbols.activity()
         carried = (trial.carried, trial.symbols)
-    coarser = before.visibility.all_multipliers(used.visibility)
-    frame = reconstruct_inter(symbols, used.steps, predicted, coarser)
-    learning = beside(partial(before.after, frame, symbols, carried))
-    hashing = beside(frame.hash)
-    if trial is not None:
-        chunks.append(_motion_chunk(frame_index, before.motion(), trial, block_log2))
     if used.steps:
         shape = InterShape(list(used.steps), predicted.num_gaussians, block_log2, before.levels, activity)
         chunks.append(_residual_chunk(frame_index, symbols, before, shape))
-    state = learning.result()
-    hashing.result()
+    coarser = before.visibility.all_multipliers(used.visibility)
+    frame = reconstruct_inter(symbols, used.steps, predicted, coarser)
+    state = before.after(frame, symbols, carried)
     if change is not None:
         chunk, state, source = _topology(frame_index, change, state, block_log2)
         chunks.insert(0, chunk)

@@ -48,20 +48,10 @@ def exact_from_stereo(vector: list[int]) -> list[int]:
     return [int((v * ONE + Fraction(1, 2)) // 1) for v in values]
 
 
-@given(st.integers(-(2**60), 2**60), st.integers(2**11, 2**60))
+@given(st.integers(-(2**60), 2**60), st.integers(1, 2**60))
 def test_round_divide_rounds_halves_up(numerator: int, denominator: int) -> None:
     result = int(round_divide(np.array([numerator]), np.array([denominator]))[0])
     assert result == (Fraction(numerator, denominator) + Fraction(1, 2)) // 1
-
-
-@given(st.integers(-(2**50), 2**50), st.integers(1, 2**37), st.integers(-2, 2))
-def test_round_divide_is_exact_next_to_halves(quotient: int, denominator: int, beside: int) -> None:
-    # the float64 guess is wrong most easily where the quotient is all but half way
-    numerator = (2 * quotient + 1) * denominator // 2 + beside
-    if abs(2 * numerator + denominator) >= 2**62 or abs(quotient) >= 2**49:
-        return
-    found = int(round_divide(np.array([numerator]), np.array([denominator]))[0])
-    assert found == (2 * numerator + denominator) // (2 * denominator)
 
 
 @given(VECTORS)
