@@ -8,7 +8,7 @@ DEMO := out/demo
 
 .DEFAULT_GOAL := help
 .PHONY: help env env-eval demo test test-evaluation check format golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-identity drift stress allocation charts fitted
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-identity bench-smooth drift stress allocation charts fitted
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -68,11 +68,14 @@ bench-full: env-eval ## the comparison from all 8 views, for a release
 bench-quick: env-eval ## four scenes, six frames, the quick methods (under 10 minutes)
 	$(BIN)/python -m evaluation.bench --quick
 
-bench-motion: env-eval ## what motion and its parts are worth: ablations (an hour)
+bench-motion: env-eval ## what motion and its parts are worth: ablations (two hours)
 	$(BIN)/python -m evaluation.motion
 
 bench-compensation: env-eval ## motion without residual: the main rule, the paper's, the last frame repeated (10 minutes)
 	$(BIN)/python -m evaluation.compensation
+
+bench-smooth: env-eval ## smooth scenes of 60 frames against quantised delta + zstd (an hour)
+	$(BIN)/python -m evaluation.long_smooth
 
 bench-identity: env-eval ## are Gaussians found again whose order is lost? fails where a bar is missed (10 minutes)
 	$(BIN)/python -m evaluation.identity

@@ -211,20 +211,109 @@ def averages() -> str:
     return _table(head, rows)
 
 
+def _inter_curve(scene: dict[str, Any], method: str) -> list[tuple[float, float]]:
+    """Bytes of P-frames and PSNR of one of our curves."""
+    rows = [row for row in scene["points"] if row["method"] == method and "bytes_by_frame_type" in row]
+    return [(float(row["bytes"] - row["bytes_by_frame_type"]["I"]), row["psnr"]) for row in rows]
+
+
+def _mean_rate(rates: list[float]) -> str:
+    """Geometric mean of BD-rates in percent."""
+    return f"{100 * math.expm1(float(np.mean(np.log1p(np.array(rates) / 100)))):+.1f} %"
+
+
+def _control_points(scene: dict[str, Any]) -> str:
+    """Control points with symbols in the P-frames of `medium`: least, median, most."""
+    for row in scene["points"]:
+        if row["method"] == "dfcgs" and row["setting"] == "medium" and "control_points" in row:
+            kinds = zip(row["control_points"], row["frame_types"], strict=True)
+            found = [count for count, kind in kinds if kind == "P"]
+            return f"{min(found)} / {int(np.median(found))} / {max(found)}" if found else "-"
+    return "-"
+
+
 def motion_table() -> str:
-    """What motion saves: bytes of whole files at equal PSNR against the same without it."""
-    rows, logs = [], []
+    """What motion saves: bytes at equal PSNR against the same without it."""
+    rows, files, inters = [], [], []
     for name, scene in results("bench").items():
         found = curves(scene["points"])
         delta = bd_delta(found.get(_STILL, []), found.get(_OURS, []))
         if delta is None:
             continue
-        logs.append(math.log1p(delta.bd_rate / 100))
+        inter = bd_delta(_inter_curve(scene, "dfcgs_still"), _inter_curve(scene, "dfcgs"))
         psnr = "" if delta.bd_psnr is None else f"{delta.bd_psnr:+.2f} dB"
-        rows.append([name, f"{delta.bd_rate:+.1f} %", psnr])
-    if logs:
-        rows.append(["mean", f"{100 * math.expm1(float(np.mean(logs))):+.1f} %", ""])
-    return _table(["scene", "bytes at equal PSNR", "PSNR at equal bytes"], rows)
+        files.append(delta.bd_rate)
+        if inter is not None:
+            inters.append(inter.bd_rate)
+        shown = "-" if inter is None else f"{inter.bd_rate:+.1f} %"
+        rows.append([name, f"{delta.bd_rate:+.1f} %", psnr, shown, _control_points(scene)])
+    if files:
+        rows.append(["mean", _mean_rate(files), "", _mean_rate(inters) if inters else "", ""])
+    head = [
+        "scene",
+        "whole file, bytes at equal PSNR",
+        "PSNR at equal bytes",
+        "P-frames, bytes at equal PSNR",
+    ]
+    return _table([*head, "control points"], rows)
+
+
+def ablation_table() -> str:
+    """Bytes of P-frames and of whole files at equal PSNR of every variant against the default."""
+    found = results("motion")
+    names = list(found)
+    variants: dict[str, None] = {}
+    for scene in found.values():
+        variants |= dict.fromkeys(name for name in scene if name != "default")
+    rows = []
+    for variant in variants:
+        pairs = []
+        for name in names:
+            row = found[name].get(variant, {})
+            pairs.append((row.get("bd_rate_inter"), row.get("bd_rate_file")))
+        known = [(inter, file) for inter, file in pairs if inter is not None and file is not None]
+        cells = [
+            "no overlap" if inter is None or file is None else f"{inter:+.1f} / {file:+.1f} %"
+            for inter, file in pairs
+        ]
+        means = " / ".join(_mean_rate(list(rates)).removesuffix(" %") for rates in zip(*known, strict=True))
+        rows.append([variant, *cells, f"{means} %" if len(known) == len(pairs) else "-"])
+    return _table(["variant", *names, "mean"], rows)
+
+
+def long_smooth_table() -> str:
+    """Our bytes as a part of quantised delta + zstd's on smooth scenes of 60 frames."""
+    found = results("long_smooth")
+    labels = list(dict.fromkeys(label for scene in found.values() for label in scene["ratios"]))
+    rows = [
+        [name, *(f"{scene['ratios'][label]:.2f}" if label in scene["ratios"] else "-" for label in labels)]
+        for name, scene in found.items()
+    ]
+    return _table(["scene", *labels], rows)
+
+
+def compensation_table() -> str:
+    """Motion without residual: both rules, and the last frame repeated."""
+    rows = []
+    for name, scene in results("compensation").items():
+        for qp, settings in scene.items():
+            if not qp.startswith("qp"):
+                continue
+            for setting, row in settings.items():
+                if setting == "against":
+                    continue
+                least = settings["against"].get(setting, {}).get("least_gain")
+                rows.append(
+                    [
+                        f"{name}, QP {qp[2:]}",
+                        setting.replace("_", " "),
+                        "-" if "bytes_p" not in row else f"{row['bytes_p'] / 1000:.1f}",
+                        f"{row['psnr']:.2f}",
+                        "" if least is None else f"{least:+.1f}",
+                    ]
+                )
+    head = ["scene", "rule", "P-frames, kB", "PSNR, dB"]
+    return _table([*head, "main is better by, dB, worst frame"], rows)
 
 
 def _percentage(share: float | None, digits: int = 4) -> str:
@@ -283,6 +372,9 @@ def lost_order_table() -> str:
 TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "averages": ("bench", averages),
     "motion": ("bench", motion_table),
+    "ablation": ("motion", ablation_table),
+    "compensation": ("compensation", compensation_table),
+    "long smooth": ("long_smooth", long_smooth_table),
     "bd": ("bench", bd_table),
     "refusals": ("bench", refusal_table),
     "presets": ("bench", preset_table),

@@ -28,6 +28,8 @@ def chart(scenes: dict[str, Any]) -> None:
     for axes, (name, scene) in zip(panels, scenes.items(), strict=True):
         intra = np.array(scene["intra"]["psnr"])
         for key, colour in _COLOURS.items():
+            if key not in scene:
+                continue
             difference = np.array(scene[key]["psnr"]) - intra
             smooth = np.convolve(difference, np.full(_WINDOW, 1 / _WINDOW), "valid")
             share = scene[key]["bytes"] / scene["intra"]["bytes"]

@@ -163,8 +163,63 @@ def test_tables(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "| splats4d | drops SH | a, b, c |" in tables.refusal_table()
     assert tables.bd_table().count("\n") == 2 + len(SCENES)
     assert "43.0 dB" in tables.preset_table()
-    assert tables.motion_table().splitlines()[-1] == "| mean | -50.0 % |  |"
+    assert tables.motion_table().splitlines()[-1] == "| mean | -50.0 % |  |  |  |"
     assert "| SPZ | 1.00 | 0.20 | 100 | 50 |" in tables.speed_table()
+
+
+def test_motion_is_compared_by_p_frames_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = []
+    for method, label, scale in (("dfcgs", "dfcgs (default)", 1), ("dfcgs_still", "dfcgs, no motion", 4)):
+        for index, psnr in enumerate((40.0, 35.0, 30.0)):
+            inter = scale * 1000 // 2**index
+            rows.append(
+                {
+                    "method": method,
+                    "label": label,
+                    "setting": ("high", "medium", "low")[index],
+                    "psnr": psnr,
+                    "bytes": 5000 // 2**index + inter,
+                    "bytes_per_frame": (5000 // 2**index + inter) / 4,
+                    "bytes_by_frame_type": {"I": 5000 // 2**index, "P": inter},
+                    "frame_types": "IPPP",
+                    "control_points": [0, 3, 9, 4],
+                }
+            )
+    monkeypatch.setattr(tables, "results", lambda _: {"a": {"points": rows}})
+    cells = tables.motion_table().splitlines()[2].split(" | ")
+    assert cells[1] == "-33.3 %"
+    assert cells[3] == "-75.0 %"
+    assert cells[4] == "3 / 4 / 9 |"
+
+
+def test_table_of_ablations(monkeypatch: pytest.MonkeyPatch) -> None:
+    rates = {"a": (100.0, 21.0), "b": (-50.0, 0.0)}
+    found = {
+        name: {
+            "default": {"bd_rate_inter": 0.0, "bd_rate_file": 0.0},
+            "stride": {"bd_rate_inter": inter, "bd_rate_file": file},
+            "off": {"bd_rate_inter": None, "bd_rate_file": None},
+        }
+        for name, (inter, file) in rates.items()
+    }
+    monkeypatch.setattr(tables, "results", lambda _: found)
+    lines = tables.ablation_table().splitlines()
+    assert lines[2] == "| stride | +100.0 / +21.0 % | -50.0 / +0.0 % | +0.0 / +10.0 % |"
+    assert lines[3] == "| off | no overlap | no overlap | - |"
+
+
+def test_table_of_compensation_rules(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = {
+        "main": {"bytes_p": 1500, "psnr": 40.0},
+        "paper": {"bytes_p": 5000, "psnr": 20.0},
+        "paper_best": {"psnr": 22.5},
+        "against": {"paper": {"gain": 20.0, "least_gain": 18.0}},
+    }
+    monkeypatch.setattr(tables, "results", lambda _: {"a": {"num_gaussians": 9, "qp28": row}})
+    lines = tables.compensation_table().splitlines()
+    assert lines[2] == "| a, QP 28 | main | 1.5 | 40.00 |  |"
+    assert lines[3] == "| a, QP 28 | paper | 5.0 | 20.00 | +18.0 |"
+    assert lines[4] == "| a, QP 28 | paper best | - | 22.50 |  |"
 
 
 def test_tables_go_between_their_marks() -> None:
