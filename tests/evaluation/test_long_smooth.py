@@ -15,6 +15,7 @@ def rows(label: str, setting: str, scale: float) -> list[dict[str, object]]:
             "method": label,
             "label": label,
             "setting": setting,
+            "bytes": 1,
             "bytes_per_frame": scale * 1000 / 2**index,
             "psnr": 42.0 - 6 * index,
         }
