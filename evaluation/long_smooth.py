@@ -14,8 +14,7 @@ from typing import Any
 
 from evaluation.assets import has_asset
 from evaluation.bd import bd_delta
-from evaluation.bench import PLANS, known_results, subject_of
-from evaluation.measure import measure
+from evaluation.bench import PLANS, bench_scene, known_results
 from evaluation.points import Point, baseline_points, codec_points
 from evaluation.record import write_result
 from evaluation.results_file import curves
@@ -55,9 +54,8 @@ def main(arguments: Arguments[str] | None = None) -> None:
         if not has_asset(scene.asset):
             print(f"{name}: skipped, {scene.asset} is not on this machine", flush=True)
             continue
-        subject = subject_of(scene, NUM_FRAMES, PLANS["bench"].views)
-        rows = [measure(subject, point) for point in points()]
-        results[name] = {"ratios": ratios(rows), "points": rows}
+        found = bench_scene(scene, PLANS["bench"], points())
+        results[name] = {"ratios": ratios(found["points"])} | found
         print(name, results[name]["ratios"], flush=True)
         path = write_result("long_smooth", {"frames": NUM_FRAMES}, results)
     print(path)
