@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,20 +24,26 @@ def _check_free(target: Path, force: bool) -> None:
         raise InputError(f"{target.parent}: no such folder; create it first")
 
 
+def _unfinished(target: Path) -> Path:
+    """A name beside `target` that nothing has."""
+    return target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
+
+
 @contextmanager
 def replace_when_whole(target: Path, *, force: bool) -> Iterator[BinaryIO]:
     """A file to write that becomes `target` at the end; an error or an interrupt leaves nothing behind."""
     _check_free(target, force)
     if target.is_dir():
         raise InputError(f"{target} is a folder; name a file")
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent)
+    unfinished = _unfinished(target)
+    # from here on: an interrupt right after the file is made must find it
     try:
-        with os.fdopen(handle, "w+b") as file:
+        with unfinished.open("x+b") as file:
             yield file
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, target)
+        os.replace(unfinished, target)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        with suppress(OSError):
+            unfinished.unlink()
         raise
 
 
@@ -49,12 +55,6 @@ def _check_holds_frames_only(target: Path) -> None:
         raise InputError(
             f"{target} holds {others[0]}, which is no frame: only folders of frames are replaced"
         )
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 @contextmanager
@@ -71,10 +71,10 @@ def replace_folder_when_whole(target: Path, *, force: bool) -> Iterator[Path]:
     if target.exists() and not target.is_dir():
         raise InputError(f"{target} is a file; name a folder")
     _check_holds_frames_only(target)
-    folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".tmp", dir=target.parent))
+    folder = _unfinished(target)
     try:
+        folder.mkdir()
         yield folder
-        folder.chmod(0o777 & ~_umask())
         if target.exists():
             shutil.rmtree(target)
         os.replace(folder, target)

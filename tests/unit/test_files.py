@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import stat
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -174,3 +175,18 @@ def test_the_working_folder_is_not_lost(tmp_path: Path, monkeypatch: pytest.Monk
         assert names(tmp_path) == ["inner", "precious"]
     else:
         assert names(tmp_path) == ["new"]
+
+
+def test_an_interrupt_as_the_file_appears_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = Path.open
+
+    def interrupted(self: Path, *arguments: Any) -> None:
+        opened(self, *arguments).close()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "open", interrupted)
+    with pytest.raises(KeyboardInterrupt), replace_when_whole(tmp_path / "a.dgs", force=False):
+        pass
+    assert list(tmp_path.iterdir()) == []
