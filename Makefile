@@ -80,7 +80,7 @@ bench-smooth: env-eval ## smooth scenes of 60 frames against quantised delta + z
 bench-identity: env-eval ## are Gaussians found again whose order is lost? fails where a bar is missed (10 minutes)
 	$(BIN)/python -m evaluation.identity
 
-drift: env-eval ## 300 frames at four GoF sizes against all-intra
+drift: env-eval ## 300 frames at five GoF sizes against all-intra
 	$(BIN)/python -m evaluation.drift
 
 stress: env-eval ## the sequences that break codecs; fails where one misses a bar
