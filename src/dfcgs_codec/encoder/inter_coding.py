@@ -32,8 +32,9 @@ from dfcgs_codec.transform.rotation import round_divide
 
 #: motion that seems to save less than this share of the bits is compared with none for real
 _SURE_SHARE = 0.15
-#: share of the Gaussians whose steps are coarser than given, because they show less than the rest
-_REFERENCE_RANK = 0.9
+#: share of the Gaussians whose steps are coarser than given, because they show less than the rest; with 0.9
+#: whole files are 1 % smaller at equal PSNR, but P-frames more than 1 dB below I-frames of the same QP
+_REFERENCE_RANK = 0.7
 
 
 @dataclass(frozen=True)
