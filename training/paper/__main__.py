@@ -24,7 +24,9 @@ FINE_TUNE = {"geometry": 0.7, "rendering": 0.3}
 
 def build_parser() -> argparse.ArgumentParser:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="python -m training.paper", description="Train the model of profile `paper`.")
+    parser = argparse.ArgumentParser(
+        prog="python -m training.paper", description="Train the model of profile `paper`."
+    )
     parser.add_argument("--data", type=Path, default=DATA, help=f"prepared GoFs, default {DATA}")
     parser.add_argument("--threads", type=int, default=1, help="of torch, default 1")
     commands = parser.add_subparsers(dest="command", required=True)
@@ -49,7 +51,9 @@ def _add_train(command: argparse.ArgumentParser) -> None:
     command.add_argument("--rate-weight", type=float, default=Config.rate_weight)
     command.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
     command.add_argument("--from", dest="start", type=Path, help="fine-tune the networks of this checkpoint")
-    command.add_argument("--without", action="append", default=[], metavar="PART", help="hyperprior, prior or refinement")
+    command.add_argument(
+        "--without", action="append", default=[], metavar="PART", help="hyperprior, prior or refinement"
+    )
 
 
 def _begin(args: argparse.Namespace, data: Data) -> Run:

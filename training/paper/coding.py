@@ -23,7 +23,6 @@ from training.paper.nets import (
     SCALE_ORIGIN,
     SCALES_PER_OCTAVE,
     PaperModel,
-    rounded,
 )
 from training.paper.samples import Sample
 
@@ -87,7 +86,6 @@ def latents_of(
     latents = model.nets["analysis"](motions)
     hyper, hyper_bits = hyper_latents(model, latents)
     mean, scales = model.distribution(hyper, prior)
-    mean = rounded(mean, LATENT_BITS)
     exact = (latents - mean) / step
     symbols = exact + _noise(exact) if model.training else nearest(exact)
     sigma = sigma_of(scales if model.training else nearest(scales), step)
@@ -111,7 +109,9 @@ def encodings(positions: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:
 def compensate(sample: Sample, spread: Tensor, positions: Tensor, rotations: Tensor) -> tuple[Tensor, Tensor]:
     """The paper's compensation: every Gaussian adds what control points send it, quaternions made unit."""
     shares = (sample.weights[:, :, None] * spread[:, None, :]).reshape(-1, spread.shape[1])
-    received = torch.zeros(len(positions), spread.shape[1]).index_add(0, sample.neighbours.reshape(-1), shares)
+    received = torch.zeros(len(positions), spread.shape[1]).index_add(
+        0, sample.neighbours.reshape(-1), shares
+    )
     turned = rotations + received[:, 3:].clamp(-1.0, 1.0)
     return positions + received[:, :3], turned / turned.norm(dim=1, keepdim=True).clamp(min=1e-6)
 
@@ -119,14 +119,12 @@ def compensate(sample: Sample, spread: Tensor, positions: Tensor, rotations: Ten
 def code_frame(
     model: PaperModel, sample: Sample, frame: int, reference: tuple[Tensor, Tensor], step: Tensor
 ) -> Coded:
-    """Frame `frame` of `sample` after the decoded `reference`, at the step q' (n, 1) of its control points."""
+    """Frame `frame` of `sample` after the decoded `reference`, at q' = `step` (n, 1)."""
     rows = sample.control
     positions, rotations = (values[rows] for values in reference)
     target = sample.rotations[frame][rows]
     aligned = torch.where((target * rotations).sum(dim=1, keepdim=True) < 0, -target, target)
-    motions = model.motion(
-        encodings(sample.positions[frame][rows], aligned), encodings(positions, rotations)
-    )
+    motions = model.motion(encodings(sample.positions[frame][rows], aligned), encodings(positions, rotations))
     prior = frame_prior(model, positions, rotations, sample.look[rows])
     decoded, motion_bits, hyper_bits = latents_of(model, motions, prior, step)
     spread = model.nets["synthesis"](decoded)

@@ -24,7 +24,7 @@ class Config:
     warm_up: int = 2000
     geometry: int = 8000
     rendering: int = 1200
-    rate_weight: float = 3e-4
+    rate_weight: float = 1e-3
     batch: int = 2
     without: tuple[str, ...] = ()
 

@@ -31,7 +31,9 @@ _MAX_WEIGHT_FRACTION = 24
 _CDF_BITS = 32
 
 
-def hidden_ranges(model: PaperModel, data: Data, num_gofs: int = NUM_CALIBRATION_GOFS) -> dict[str, list[float]]:
+def hidden_ranges(
+    model: PaperModel, data: Data, num_gofs: int = NUM_CALIBRATION_GOFS
+) -> dict[str, list[float]]:
     """Largest magnitude after LeakyReLU behind each layer of each network, on training data."""
     ranges = {name: [0.0] * len(net.layers) for name, net in model.nets.items()}
     hooks = []
@@ -48,12 +50,14 @@ def hidden_ranges(model: PaperModel, data: Data, num_gofs: int = NUM_CALIBRATION
     rng = np.random.default_rng(0)
     model.eval()
     with torch.no_grad():
-        for index in range(num_gofs):
+        for index in range(NUM_CALIBRATION_GOFS):
             sample = data.sample(rng)
             for _ in closed_loop(model, sample, torch.tensor([2.0 ** (index % 4 - 1)])):
                 pass
             if model.has("refinement"):
-                model.nets["refinement"](frame_prior(model, sample.positions[0], sample.rotations[0], sample.look))
+                model.nets["refinement"](
+                    frame_prior(model, sample.positions[0], sample.rotations[0], sample.look)
+                )
     for hook in hooks:
         hook.remove()
     return ranges
@@ -78,7 +82,10 @@ def integer_layers(net: Net, ranges: list[float], bits: tuple[int, int]) -> list
         if last:
             output_bits, limit = net.shape.output_bits, net.shape.output_limit
         else:
-            output_bits, limit = _fraction_bits(HEAD_ROOM * ranges[index], hidden_limit, sum_bits), hidden_limit
+            output_bits, limit = (
+                _fraction_bits(HEAD_ROOM * ranges[index], hidden_limit, sum_bits),
+                hidden_limit,
+            )
         shift = sum_bits - output_bits
         if shift < 0:
             raise InputError(f"{bits[0]} bits of weights are too few for the format of the output")

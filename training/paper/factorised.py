@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import softplus
 
 FILTERS = (1, 3, 3, 3, 1)
-_INITIAL_SCALE = 4.0
+_INITIAL_SCALE = 1.0
 #: the smallest probability that is taken the logarithm of
 LIKELIHOOD_BOUND = 2.0**-24
 
@@ -21,7 +22,7 @@ class FactorisedModel(nn.Module):
         super().__init__()
         self.matrices, self.biases, self.factors = nn.ParameterList(), nn.ParameterList(), nn.ParameterList()
         scale = _INITIAL_SCALE ** (1 / (len(FILTERS) - 1))
-        for inputs, outputs in zip(FILTERS[:-1], FILTERS[1:], strict=True):
+        for inputs, outputs in pairwise(FILTERS):
             start = math.log(math.expm1(1 / scale / outputs))
             self.matrices.append(nn.Parameter(torch.full((num_channels, outputs, inputs), start)))
             self.biases.append(nn.Parameter(torch.empty(num_channels, outputs, 1).uniform_(-0.5, 0.5)))

@@ -28,7 +28,7 @@ class Gof:
     grids of the state; `scales` (N, 3), `opacities` (N, 1), `colours` (N, 3 + ...): of the decoded I-frame.
     `units` (4,): exponents of position, scale, opacity, colour. `centre` (3,), `extent_log2` (): the
     normalisation. `control` (n,), `neighbours`, `weights` (n, K): rows, and shares in 2**-16.
-    `images` (views, 4, H, W, 3): what `cameras` (views, 4 x 4 matrix and fx fy cx cy) see of the true P-frames.
+    `images` (views, 4, H, W, 3): what `cameras` (views, 20: 4 x 4 matrix, fx fy cx cy) see of P-frames.
     """
 
     positions: Int32

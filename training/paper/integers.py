@@ -1,6 +1,6 @@
 """The integer layers of the codec, evaluated in int64 by numpy and in float64 by torch: the same integers.
 
-    acc = weight @ x + bias;  v = clip(acc >> shift, -limit, limit);  where leaky, v < 0 becomes v >> 7
+acc = weight @ x + bias;  v = clip(acc >> shift, -limit, limit);  where leaky, v < 0 becomes v >> 7
 """
 
 from __future__ import annotations

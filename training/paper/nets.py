@@ -8,6 +8,7 @@ of priors. A network may be left out for ablations: `hyperprior`, `prior` or `re
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
@@ -62,7 +63,12 @@ ABLATIONS = {
 }
 #: the first and last weights of these begin larger or smaller than usual: latents are in the hundreds where
 #: motion is in hundredths
-_GAINS = {"analysis": (4.0, 16.0), "hyper_analysis": (0.1, 1.0), "synthesis": (0.1, 1.0), "refinement": (1.0, 0.01)}
+_GAINS = {
+    "analysis": (4.0, 16.0),
+    "hyper_analysis": (0.1, 0.1),
+    "synthesis": (0.1, 1.0),
+    "refinement": (1.0, 0.0),
+}
 
 
 def rounded(values: Tensor, fraction_bits: int) -> Tensor:
@@ -79,13 +85,16 @@ def _damping(name: str, width: int) -> Tensor:
 
 
 class Net(nn.Module):
-    """Dense layers, LeakyReLU between them, clipped to the format at the end."""
+    """Dense layers, LeakyReLU between them; what comes out is clipped and rounded to the format.
+
+    In training uniform noise stands for the rounding.
+    """
 
     def __init__(self, name: str) -> None:
         super().__init__()
         self.shape = SHAPES[name]
         widths = self.shape.widths
-        self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in zip(widths[:-1], widths[1:], strict=True))
+        self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(widths))
         self.register_buffer("damping", _damping(name, widths[0]), persistent=False)
         for layer in self.layers:
             nn.init.kaiming_uniform_(layer.weight, a=2.0**-LEAKY_SHIFT)
@@ -99,7 +108,10 @@ class Net(nn.Module):
         values = values * self.damping
         for layer in self.layers[:-1]:
             values = leaky_relu(layer(values), 2.0**-LEAKY_SHIFT)
-        return self.layers[-1](values).clamp(-self.shape.limit, self.shape.limit)
+        values = self.layers[-1](values).clamp(-self.shape.limit, self.shape.limit)
+        if self.training:
+            return values + (torch.rand_like(values) - 0.5) * 2.0**-self.shape.output_bits
+        return rounded(values, self.shape.output_bits)
 
 
 class PaperModel(nn.Module):
@@ -127,8 +139,6 @@ class PaperModel(nn.Module):
         differences = []
         for name, after, before in zip(("position", "rotation"), target, reference, strict=True):
             features = self.nets[f"{name}_features"](torch.cat([after, before]))
-            if self.training:
-                features = features + (torch.rand_like(features) - 0.5) / 2.0**10
             after_features, before_features = features.chunk(2)
             differences.append(after_features - before_features)
         return self.nets["converter"](torch.cat(differences, dim=1))

@@ -82,7 +82,11 @@ def refined(model: PaperModel, stage: Stage, reference: tuple[Tensor, Tensor], l
         return look
     residual = model.nets["refinement"](frame_prior(model, *reference, look))[:, : stage.num_rest]
     return torch.cat(
-        [look[:, :_REST], look[:, _REST : _REST + stage.num_rest] + residual, look[:, _REST + stage.num_rest :]],
+        [
+            look[:, :_REST],
+            look[:, _REST : _REST + stage.num_rest] + residual,
+            look[:, _REST + stage.num_rest :],
+        ],
         dim=1,
     )
 

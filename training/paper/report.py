@@ -1,4 +1,4 @@
-"""Figures of a model by sequence: bits by control point, distortion relative to repetition, float and integer."""
+"""Figures of a model by sequence: bits by control point, distortion relative to repetition."""
 
 from __future__ import annotations
 

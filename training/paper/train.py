@@ -40,7 +40,9 @@ class Data:
     def __init__(self, folder: Path, num_cached: int = 200) -> None:
         self.paths = [p for p in sorted(folder.glob("*.npz")) if p.name.split(".")[0] not in HELD_BACK]
         if not self.paths:
-            raise InputError(f"{folder} holds no prepared GoFs; `python -m training.paper prepare` makes them")
+            raise InputError(
+                f"{folder} holds no prepared GoFs; `python -m training.paper prepare` makes them"
+            )
         self._samples: dict[Path, Sample] = {}
         self._num_cached = num_cached
 
@@ -98,9 +100,7 @@ class Run:
         run = Run.new(Config(**saved["config"]))
         run.model.load_state_dict(saved["model"])
         run.optimiser.load_state_dict(saved["optimiser"])
-        run.done, run.seconds, run.rows, run.start = (
-            saved[k] for k in ("done", "seconds", "rows", "start")
-        )
+        run.done, run.seconds, run.rows, run.start = (saved[k] for k in ("done", "seconds", "rows", "start"))
         return run
 
     def save(self, folder: Path) -> None:
@@ -199,7 +199,11 @@ def _step(run: Run, data: Data) -> dict[str, Any]:
 def _row(run: Run, recent: list[dict[str, Any]]) -> dict[str, Any]:
     """Medians of the last iterations of one stage."""
     same = [notes for notes in recent if notes["stage"] == recent[-1]["stage"]]
-    row: dict[str, Any] = {"iteration": run.done, "stage": recent[-1]["stage"], "seconds": round(run.seconds, 1)}
+    row: dict[str, Any] = {
+        "iteration": run.done,
+        "stage": recent[-1]["stage"],
+        "seconds": round(run.seconds, 1),
+    }
     for name in same[-1]:
         if name != "stage":
             row[name] = round(float(np.median([notes[name] for notes in same])), 5)
