@@ -35,9 +35,9 @@ def exported(tmp_path_factory):
     run = train(Run.new(Config(seed=3, warm_up=150, geometry=10, rendering=0, batch=1)), data)
     with torch.no_grad():
         # as if they had been trained: what is there must also be large
-        run.model.nets["refinement"].layers[-1].weight *= 100
+        run.model.nets["refinement"].layers[-1].weight.normal_(0, 0.1)
         run.model.grid *= 10
-    path = export_run(run, data, folder / "test-1")
+    path = export_run(run, data, folder / "models" / "test-1")
     return run, path, weights_file.read_arrays(path)
 
 
@@ -95,19 +95,27 @@ def test_the_prior_is_that_of_the_runtime(exported):
     assert np.array_equal(np.rint(found.numpy() * 1024), runtime)
 
 
+def inputs_seen(model):
+    """What each network is given while a GoF is coded."""
+    seen = {}
+    hooks = [
+        net.register_forward_pre_hook(lambda _, inputs, name=name: seen.setdefault(name, inputs[0].detach()))
+        for name, net in model.nets.items()
+    ]
+    gof_figures(model, small_gof(0), 1.0)
+    for hook in hooks:
+        hook.remove()
+    return {**seen, "refinement": seen["fusion"][:, 16:]}
+
+
 def test_integers_stand_for_the_float_networks(exported):
     run, _, arrays = exported
     integer = IntegerModel(arrays)
-    for name, net in run.model.eval().nets.items():
-        shape = net.shape
-        limit = {"hyper_synthesis": 8, "synthesis": 64 * 60, "hyper_analysis": 64 * 60}.get(name, 4096)
-        if name == "refinement":
-            limit = 100
-        rng = np.random.default_rng(1)
-        inputs = torch.from_numpy(rng.integers(-limit, limit + 1, (300, shape.widths[0]))).float()
-        inputs = inputs / 2.0**shape.input_bits
+    seen = inputs_seen(run.model)
+    assert set(seen) == set(SHAPES)
+    for name, inputs in seen.items():
         with torch.no_grad():
-            expected, found = net(inputs), integer.nets[name](inputs)
+            expected, found = run.model.nets[name](inputs), integer.nets[name](inputs)
         error = (found - expected).abs().mean() / expected.abs().mean()
         assert error < 0.02, f"{name}: {error}"
 
@@ -156,11 +164,11 @@ def test_frequencies_follow_the_factorised_model():
 
 def test_fewer_bits_lose_more(exported, tmp_path):
     run, path, arrays = exported
-    data = Data(path.parent)
+    data = Data(path.parents[1])
     coarse = weights_file.read_arrays(export_run(run, data, tmp_path / "coarse", (8, 8)))
-    inputs = torch.randint(-4096, 4096, (300, 7)).float() / 4096
+    inputs = inputs_seen(run.model)["analysis"]
     with torch.no_grad():
-        exact = run.model.eval().nets["analysis"](inputs)
+        exact = run.model.nets["analysis"](inputs)
     fine_error, coarse_error = (
         (IntegerModel(a).nets["analysis"](inputs) - exact).abs().mean() for a in (arrays, coarse)
     )

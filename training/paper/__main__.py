@@ -12,7 +12,7 @@ from pathlib import Path
 import torch
 
 from dfcgs_codec.errors import InputError
-from training.paper.config import Config
+from training.paper.config import STAGES, Config
 from training.paper.prepare import prepare
 from training.paper.train import CHECKPOINT, Data, Run, check_ablations, config_of_minutes, train
 
@@ -48,6 +48,9 @@ def _add_train(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", type=Path, required=True, help="folder of checkpoint and curves")
     command.add_argument("--seed", type=int, default=1)
     command.add_argument("--minutes", type=float, help="choose iterations to take about so long")
+    command.add_argument(
+        "--iterations", type=int, nargs=3, metavar=("WARM_UP", "GEOMETRY", "RENDERING"), help="of each stage"
+    )
     command.add_argument("--rate-weight", type=float, default=Config.rate_weight)
     command.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
     command.add_argument("--from", dest="start", type=Path, help="fine-tune the networks of this checkpoint")
@@ -64,6 +67,8 @@ def _begin(args: argparse.Namespace, data: Data) -> Run:
         raise InputError(f"{checkpoint} is there already; --resume goes on from it")
     without = check_ablations(args.without)
     config = Config(seed=args.seed, rate_weight=args.rate_weight, without=without)
+    if args.iterations is not None:
+        config = replace(config, **dict(zip(STAGES, args.iterations, strict=True)))
     if args.start is not None:
         config = replace(config, warm_up=0)
     if args.minutes is not None:

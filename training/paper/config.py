@@ -22,8 +22,8 @@ class Config:
 
     seed: int = 1
     warm_up: int = 2000
-    geometry: int = 8000
-    rendering: int = 1200
+    geometry: int = 12000
+    rendering: int = 800
     rate_weight: float = 1e-3
     batch: int = 2
     without: tuple[str, ...] = ()

@@ -20,10 +20,11 @@ from dfcgs_codec.errors import InputError
 from training.paper.coding import closed_loop, frame_prior
 from training.paper.factorised import FactorisedModel
 from training.paper.integers import EXACT, HYPER_REACH, IntegerLayer
-from training.paper.nets import GRID_BITS, GRID_LIMIT, LEAKY_SHIFT, Net, PaperModel
+from training.paper.nets import ACTIVATION_LIMIT, GRID_BITS, GRID_LIMIT, LEAKY_SHIFT, Net, PaperModel
 from training.paper.train import Data, Run
 
 Arrays = dict[str, npt.NDArray[Any]]
+Int16 = npt.NDArray[np.int16]
 #: hidden activations seen on training data are at most 1 / this of their limit
 HEAD_ROOM = 2.0
 NUM_CALIBRATION_GOFS = 24
@@ -68,32 +69,35 @@ def _fraction_bits(largest: float, limit: int, most: int) -> int:
     return min(most, math.floor(math.log2(limit / max(largest, 2.0**-40))))
 
 
+def _integer_weight(weight: npt.NDArray[np.float64], limit: int, least: int) -> tuple[Int16, int]:
+    """Weights within `limit` and their fraction bits, at least `least`: by zeros at the end of each."""
+    bits = _fraction_bits(float(np.abs(weight).max()), limit, _MAX_WEIGHT_FRACTION)
+    missing = max(0, least - bits)
+    integers = np.rint(weight * 2.0**bits).astype(np.int64) << missing
+    if np.abs(integers).max() > ACTIVATION_LIMIT:
+        raise InputError("weights and activations have too few bits for the format of the output")
+    return integers.astype(np.int16), bits + missing
+
+
 def integer_layers(net: Net, ranges: list[float], bits: tuple[int, int]) -> list[IntegerLayer]:
     """A network in integers; `bits`: of weights and of hidden activations, sign included."""
     weight_limit, hidden_limit = ((1 << (b - 1)) - 1 for b in bits)
     layers, input_bits = [], net.shape.input_bits
-    for index, layer in enumerate(net.layers):
+    for index, (layer, largest) in enumerate(zip(net.layers, ranges, strict=True)):
         last = index == len(net.layers) - 1
-        weight = layer.weight.detach().double().numpy()
-        if index == 0:
-            weight = weight * net.damping.double().numpy()
-        weight_bits = _fraction_bits(float(np.abs(weight).max()), weight_limit, _MAX_WEIGHT_FRACTION)
+        gains = net.damping.double().numpy() if index == 0 else 1.0
+        weight = layer.weight.detach().double().numpy() * gains
+        least = net.shape.output_bits - input_bits if last else 0
+        integers, weight_bits = _integer_weight(weight, weight_limit, least)
         sum_bits = weight_bits + input_bits
         if last:
             output_bits, limit = net.shape.output_bits, net.shape.output_limit
         else:
-            output_bits, limit = (
-                _fraction_bits(HEAD_ROOM * ranges[index], hidden_limit, sum_bits),
-                hidden_limit,
-            )
+            output_bits, limit = _fraction_bits(HEAD_ROOM * largest, hidden_limit, sum_bits), hidden_limit
         shift = sum_bits - output_bits
-        if shift < 0:
-            raise InputError(f"{bits[0]} bits of weights are too few for the format of the output")
         half = 1 << (shift - 1) if shift else 0
         bias = np.rint(layer.bias.detach().double().numpy() * 2.0**sum_bits).astype(np.int64) + half
-        layers.append(
-            IntegerLayer(np.rint(weight * 2.0**weight_bits).astype(np.int16), bias, shift, limit, not last)
-        )
+        layers.append(IntegerLayer(integers, bias, shift, limit, not last))
         input_bits = output_bits
     return layers
 
