@@ -71,6 +71,12 @@ _GAINS = {
 }
 
 
+#: small motion passes these beside large motion: in training their hidden layers have the noise of rounding,
+#: about a step of 16 bits with the head room of export
+_FINE = ("converter", "analysis")
+_HIDDEN_NOISE = 4.0 / ACTIVATION_LIMIT
+
+
 def rounded(values: Tensor, fraction_bits: int) -> Tensor:
     """Values on the grid, as if they had not been rounded to those that differentiate."""
     one = 2.0**fraction_bits
@@ -93,6 +99,7 @@ class Net(nn.Module):
     def __init__(self, name: str) -> None:
         super().__init__()
         self.shape = SHAPES[name]
+        self.is_fine = name in _FINE
         widths = self.shape.widths
         self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(widths))
         self.register_buffer("damping", _damping(name, widths[0]), persistent=False)
@@ -108,6 +115,10 @@ class Net(nn.Module):
         values = values * self.damping
         for layer in self.layers[:-1]:
             values = leaky_relu(layer(values), 2.0**-LEAKY_SHIFT)
+            if self.training and self.is_fine:
+                values = values + (torch.rand_like(values) - 0.5) * (
+                    values.detach().abs().max() * _HIDDEN_NOISE
+                )
         values = self.layers[-1](values).clamp(-self.shape.limit, self.shape.limit)
         if self.training:
             return values + (torch.rand_like(values) - 0.5) * 2.0**-self.shape.output_bits
@@ -141,7 +152,8 @@ class PaperModel(nn.Module):
             features = self.nets[f"{name}_features"](torch.cat([after, before]))
             after_features, before_features = features.chunk(2)
             differences.append(after_features - before_features)
-        return self.nets["converter"](torch.cat(differences, dim=1))
+        limit = ACTIVATION_LIMIT / 2.0 ** SHAPES["converter"].input_bits
+        return self.nets["converter"](torch.cat(differences, dim=1).clamp(-limit, limit))
 
     def prior(self, corners: tuple[Tensor, Tensor], appearance: Tensor) -> Tensor:
         """Spatial-temporal priors: the context of the hash grid plus appearance features."""
