@@ -13,6 +13,7 @@ weights_file = pytest.importorskip("dfcgs_codec.model.weights_file", reason="the
 
 from tests.training.paper_helpers import small_data, small_gof  # noqa: E402
 from training.paper.config import Config  # noqa: E402
+from training.paper.data import Data  # noqa: E402
 from training.paper.export import digest, export_run, hyper_frequencies  # noqa: E402
 from training.paper.factorised import FactorisedModel  # noqa: E402
 from training.paper.inputs import grid_corners, interpolate  # noqa: E402
@@ -25,7 +26,7 @@ from training.paper.integers import (  # noqa: E402
 )
 from training.paper.nets import SHAPES  # noqa: E402
 from training.paper.report import gof_figures  # noqa: E402
-from training.paper.train import Data, Run, train  # noqa: E402
+from training.paper.train import Run, train  # noqa: E402
 
 
 @pytest.fixture(scope="module")

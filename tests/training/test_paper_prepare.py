@@ -12,9 +12,9 @@ from dfcgs_codec.bitstream.constants import OutputOrder  # noqa: E402
 from dfcgs_codec.errors import InputError  # noqa: E402
 from tests.training.paper_helpers import moving_clouds, small_gof  # noqa: E402
 from training.paper.config import HELD_BACK  # noqa: E402
+from training.paper.data import Data  # noqa: E402
 from training.paper.gof import Gof, normalisation  # noqa: E402
 from training.paper.prepare import choices, training_scenes  # noqa: E402
-from training.paper.train import Data  # noqa: E402
 from training.scenes.catalogue import group  # noqa: E402
 
 

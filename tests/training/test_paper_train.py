@@ -10,10 +10,11 @@ torch = pytest.importorskip("torch", reason="training needs torch, from the trai
 from dfcgs_codec.errors import InputError  # noqa: E402
 from tests.training.paper_helpers import moving_clouds, small_data  # noqa: E402
 from training.paper.config import Config  # noqa: E402
+from training.paper.data import Data  # noqa: E402
 from training.paper.gof import Gof  # noqa: E402
 from training.paper.prepare import prepare_gof  # noqa: E402
 from training.paper.report import gof_figures  # noqa: E402
-from training.paper.train import CHECKPOINT, Data, Run, check_ablations, train  # noqa: E402
+from training.paper.train import CHECKPOINT, Run, check_ablations, train  # noqa: E402
 
 SHORT = Config(seed=5, warm_up=8, geometry=4, rendering=0, batch=2)
 

@@ -13,8 +13,9 @@ import torch
 
 from dfcgs_codec.errors import InputError
 from training.paper.config import STAGES, Config
+from training.paper.data import Data
 from training.paper.prepare import prepare
-from training.paper.train import CHECKPOINT, Data, Run, check_ablations, config_of_minutes, train
+from training.paper.train import CHECKPOINT, Run, check_ablations, config_of_minutes, train
 
 DATA = Path("out/paper/data")
 #: shares of the time of a whole run, and of a fine-tune
@@ -41,6 +42,7 @@ def build_parser() -> argparse.ArgumentParser:
     report = commands.add_parser("report", help="figures by sequence, float and integer, as JSON")
     report.add_argument("run", type=Path)
     report.add_argument("--model", type=Path, help="NAME.npz of the exported model")
+    report.add_argument("--pictures", action="store_true", help="PSNR of sequences held back, too")
     return parser
 
 
@@ -102,7 +104,8 @@ def _export(args: argparse.Namespace) -> None:
 def _report(args: argparse.Namespace) -> None:
     from training.paper.report import report_run
 
-    print(json.dumps(report_run(Run.load(args.run / CHECKPOINT), args.data, args.model), indent=1))
+    found = report_run(Run.load(args.run / CHECKPOINT), args.data, args.model, pictures=args.pictures)
+    print(json.dumps(found, indent=1))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

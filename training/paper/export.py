@@ -18,10 +18,11 @@ from torch import Tensor
 from dfcgs_codec.entropy.tables import frequencies_from_cdf
 from dfcgs_codec.errors import InputError
 from training.paper.coding import closed_loop, frame_prior
+from training.paper.data import Data
 from training.paper.factorised import FactorisedModel
 from training.paper.integers import EXACT, HYPER_REACH, IntegerLayer
 from training.paper.nets import ACTIVATION_LIMIT, GRID_BITS, GRID_LIMIT, LEAKY_SHIFT, Net, PaperModel
-from training.paper.train import Data, Run
+from training.paper.train import Run
 
 Arrays = dict[str, npt.NDArray[Any]]
 Int16 = npt.NDArray[np.int16]

@@ -67,10 +67,12 @@ def picture_loss(picture: Tensor, target: Tensor) -> Tensor:
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """A P-frame: what was coded, and losses of its picture, of the reference's, and without refinement."""
+    """A coded P-frame and its picture, with losses of that, of the reference's, and without refinement."""
 
     coded: Coded
     reference: tuple[Tensor, Tensor]
+    picture: Tensor
+    target: Tensor
     loss: Tensor
     repeated: Tensor
     unrefined: Tensor
@@ -81,17 +83,13 @@ def refined(model: PaperModel, stage: Stage, reference: tuple[Tensor, Tensor], l
     if not model.has("refinement") or not stage.num_rest:
         return look
     residual = model.nets["refinement"](frame_prior(model, *reference, look))[:, : stage.num_rest]
-    return torch.cat(
-        [
-            look[:, :_REST],
-            look[:, _REST : _REST + stage.num_rest] + residual,
-            look[:, _REST + stage.num_rest :],
-        ],
-        dim=1,
-    )
+    end = _REST + stage.num_rest
+    return torch.cat([look[:, :_REST], look[:, _REST:end] + residual, look[:, end:]], dim=1)
 
 
-def rendered_loop(model: PaperModel, stage: Stage, step: Tensor, view: int) -> Iterator[tuple[int, Rendered]]:
+def rendered_loop(
+    model: PaperModel, stage: Stage, step: Tensor, view: int, *, refine: bool = True
+) -> Iterator[tuple[int, Rendered]]:
     """The closed loop of a GoF with pictures of one camera."""
     camera, sample = stage.gof.camera(view), stage.sample
     look = sample.look
@@ -102,13 +100,34 @@ def rendered_loop(model: PaperModel, stage: Stage, step: Tensor, view: int) -> I
         target = torch.from_numpy(stage.gof.images[view, frame - 1].astype(np.float32))
         current = replace(sample, look=look)
         coded = code_frame(model, current, frame, reference, step.expand(len(sample.control), 1))
-        new_look = refined(model, stage, reference, look)
+        new_look = refined(model, stage, reference, look) if refine else look
         picture = stage.picture(coded.positions, coded.rotations, new_look, camera)
         with torch.no_grad():
             plain = picture
             if new_look is not look:
                 plain = stage.picture(coded.positions, coded.rotations, look, camera)
             losses = [picture_loss(image, target) for image in (before, plain)]
-        yield frame, Rendered(coded, reference, picture_loss(picture, target), *losses)
+        yield frame, Rendered(coded, reference, picture, target, picture_loss(picture, target), *losses)
         look, before = new_look.detach(), picture.detach()
         reference = coded.positions.detach(), coded.rotations.detach()
+
+
+def _psnr(squares: list[Tensor]) -> float:
+    return float(-10 * torch.log10(torch.stack(squares).mean()))
+
+
+def picture_figures(model: PaperModel, gof: Gof, step: float) -> dict[str, float]:
+    """PSNR (dB) of pictures of a GoF's P-frames, coded with and without refinement, and of its I-frame."""
+    stage = Stage.of(gof)
+    squares: dict[str, list[Tensor]] = {"refined": [], "unrefined": [], "repeated": []}
+    with torch.no_grad():
+        for view in range(len(gof.images)):
+            still = stage.picture(
+                stage.sample.positions[0], stage.sample.rotations[0], stage.sample.look, gof.camera(view)
+            )
+            for name, refine in (("refined", True), ("unrefined", False)):
+                for _, frame in rendered_loop(model.eval(), stage, torch.tensor([step]), view, refine=refine):
+                    squares[name].append((frame.picture - frame.target).square().mean())
+                    if refine:
+                        squares["repeated"].append((still - frame.target).square().mean())
+    return {f"psnr_{name}": round(_psnr(values), 3) for name, values in squares.items()}

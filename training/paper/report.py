@@ -67,7 +67,15 @@ def _mean_bits(by_scene: dict[str, dict[str, float]]) -> float:
     return float(np.mean([row["motion_bits"] + row["hyper_bits"] for row in by_scene.values()]))
 
 
-def report_run(run: Run, folder: Path, model_file: Path | None) -> dict[str, Any]:
+def _pictures(model: PaperModel, folder: Path) -> dict[str, dict[str, float]]:
+    # only this needs numba
+    from training.paper.rendering import picture_figures
+
+    gofs = {name: Gof.load(folder / f"{name}.0.npz") for name in HELD_BACK}
+    return {name: picture_figures(model, gof, 1.0) for name, gof in gofs.items()}
+
+
+def report_run(run: Run, folder: Path, model_file: Path | None, *, pictures: bool = False) -> dict[str, Any]:
     """Of the float networks at all steps that were trained, and of the integer ones beside them."""
     models: dict[str, PaperModel] = {"float": run.model}
     if model_file is not None:
@@ -80,4 +88,6 @@ def report_run(run: Run, folder: Path, model_file: Path | None) -> dict[str, Any
             ratio = _mean_bits(by_model["integer"]) / _mean_bits(by_model["float"])
             by_model["integer_bits_over_float"] = round(ratio, 5)
         found["steps"][str(step_log2)] = by_model
+    if pictures:
+        found["pictures"] = {name: _pictures(model, folder) for name, model in models.items()}
     return found

@@ -13,55 +13,18 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from dfcgs_codec.errors import InputError
-from training.paper.coding import closed_loop
-from training.paper.config import HELD_BACK, STAGES, STEPS, Config
-from training.paper.gof import Gof
-from training.paper.losses import ROTATION_WEIGHT, frame_costs, geometry_loss
+from training.paper.config import STAGES, Config
+from training.paper.data import Data
 from training.paper.nets import ABLATIONS, PaperModel
-from training.paper.samples import Sample, augmented, joined, sample_of
+from training.paper.objectives import geometry, rendering
 from training.paper.warm_up import warm_up_loss
 
 CHECKPOINT, CURVES, TABLE = "checkpoint.pt", "curves.json", "curves.csv"
 #: iterations between two rows of the curves, and between two checkpoints
 ROW_EVERY, SAVE_EVERY = 50, 200
 _LARGEST_GRADIENT = 5.0
-#: of the geometry's distortion beside the relative render loss
-GEOMETRY_SHARE = 0.5
-#: render losses below this count little
-RENDER_FLOOR = 1e-3
-
-
-class Data:
-    """Prepared GoFs of a folder, without those held back; each is read when it is first wanted."""
-
-    def __init__(self, folder: Path, num_cached: int = 200) -> None:
-        self.paths = [p for p in sorted(folder.glob("*.npz")) if p.name.split(".")[0] not in HELD_BACK]
-        if not self.paths:
-            raise InputError(
-                f"{folder} holds no prepared GoFs; `python -m training.paper prepare` makes them"
-            )
-        self._samples: dict[Path, Sample] = {}
-        self._num_cached = num_cached
-
-    @property
-    def scenes(self) -> list[str]:
-        return sorted({path.name.split(".")[0] for path in self.paths})
-
-    def sample(self, rng: np.random.Generator) -> Sample:
-        """One GoF, augmented."""
-        path = self.paths[int(rng.integers(len(self.paths)))]
-        if path not in self._samples and len(self._samples) < self._num_cached:
-            self._samples[path] = sample_of(Gof.load(path))
-        return augmented(self._samples.get(path) or sample_of(Gof.load(path)), rng)
-
-    def batch(self, count: int, rng: np.random.Generator) -> Sample:
-        return joined([self.sample(rng) for _ in range(count)])
-
-    def gof(self, rng: np.random.Generator) -> Gof:
-        return Gof.load(self.paths[int(rng.integers(len(self.paths)))])
 
 
 @dataclass
@@ -133,46 +96,6 @@ def _replace(path: Path, write: Callable[[Path], object]) -> None:
     os.replace(partial, path)
 
 
-def _draw_steps(count: int, rng: np.random.Generator) -> Tensor:
-    return torch.from_numpy(2.0 ** rng.choice(STEPS, count)).float()
-
-
-def _geometry(run: Run, data: Data, rng: np.random.Generator) -> tuple[Tensor, dict[str, float]]:
-    """Loss of a batch of GoFs, and what is noted of it."""
-    batch = data.batch(run.config.batch, rng)
-    step = _draw_steps(batch.num_groups, rng)
-    losses, notes = [], []
-    for frame, reference, coded in closed_loop(run.model, batch, step):
-        costs = frame_costs(batch, frame, reference, coded)
-        losses.append(geometry_loss(costs, step, run.config.rate_weight))
-        values = (costs.position_ratio, costs.rotation_ratio, costs.motion_bits, costs.hyper_bits)
-        notes.append([float(value.detach().mean()) for value in values])
-    names = ("position_ratio", "rotation_ratio", "motion_bits", "hyper_bits")
-    return torch.stack(losses).mean(), dict(zip(names, np.mean(notes, axis=0).tolist(), strict=True))
-
-
-def _rendering(run: Run, data: Data, rng: np.random.Generator) -> tuple[Tensor, dict[str, float]]:
-    """The same of one GoF with pictures of one camera."""
-    # the renderer is compiled by numba; the stages before do without
-    from training.paper.rendering import Stage, rendered_loop
-
-    gof = data.gof(rng)
-    stage, view = Stage.of(gof), int(rng.integers(len(gof.images)))
-    step = _draw_steps(1, rng)
-    losses, notes = [], []
-    for frame, rendered in rendered_loop(run.model, stage, step, view):
-        costs = frame_costs(stage.sample, frame, rendered.reference, rendered.coded)
-        relative = rendered.loss / (rendered.repeated + RENDER_FLOOR)
-        distortion = costs.position_ratio + ROTATION_WEIGHT * costs.rotation_ratio
-        rate = run.config.rate_weight * step.square() * costs.bits
-        losses.append(((relative + GEOMETRY_SHARE * distortion + rate) / step).mean())
-        values = (relative, rendered.unrefined / (rendered.repeated + RENDER_FLOOR), costs.position_ratio)
-        rates = (costs.motion_bits, costs.hyper_bits)
-        notes.append([float(value.detach().mean()) for value in (*values, *rates)])
-    names = ("render_ratio", "unrefined_ratio", "position_ratio", "motion_bits", "hyper_bits")
-    return torch.stack(losses).mean(), dict(zip(names, np.mean(notes, axis=0).tolist(), strict=True))
-
-
 def _step(run: Run, data: Data) -> dict[str, Any]:
     """One iteration; its draws depend on the seed and its number alone."""
     stage, iteration = run.config.at(run.done)
@@ -187,7 +110,8 @@ def _step(run: Run, data: Data) -> dict[str, Any]:
     if stage == "warm_up":
         loss = warm_up_loss(run.model)
     else:
-        loss, notes = (_geometry if stage == "geometry" else _rendering)(run, data, rng)
+        objective = geometry if stage == "geometry" else rendering
+        loss, notes = objective(run.model, run.config, data, rng)
     run.optimiser.zero_grad()
     loss.backward()
     torch.nn.utils.clip_grad_norm_(run.model.parameters(), _LARGEST_GRADIENT)
