@@ -104,3 +104,21 @@ def test_the_render_loss_trains_refinement(tmp_path):
     changed = {".".join(name.split(".")[:2]) for name, p in after if not torch.equal(p, before[name])}
     assert {"nets.refinement", "nets.synthesis", "nets.grid_context", "nets.appearance", "grid"} <= changed
     assert 0 < run.rows[-1]["render_ratio"] < 3
+
+
+def test_pictures_of_a_coded_gof_are_compared_with_the_true_ones(tmp_path):
+    pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
+    from training.paper.rendering import picture_figures
+
+    gof = prepare_gof(moving_clouds(), 22.0, "+y", num_views=1)
+    model = Run.new(Config(seed=2)).model
+    with torch.no_grad():
+        # nothing is sent, so that every frame is the I-frame; colours are not refined yet
+        for values in model.nets["synthesis"].layers[-1].parameters():
+            values.zero_()
+    figures = picture_figures(model, gof, 1.0)
+    assert figures["psnr_unrefined"] == pytest.approx(figures["psnr_repeated"], abs=1e-3)
+    assert figures["psnr_refined"] == pytest.approx(figures["psnr_unrefined"], abs=1e-3)
+    with torch.no_grad():
+        model.nets["refinement"].layers[-1].bias += 0.5
+    assert picture_figures(model, gof, 1.0)["psnr_refined"] < figures["psnr_refined"] - 1
