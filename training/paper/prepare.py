@@ -1,0 +1,175 @@
+"""Sequences of the training group -> prepared GoFs, with I-frames as the codec decodes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import MAX_DECAY_EXPONENT, Attribute
+from dfcgs_codec.codec.compensation import GofMotion
+from dfcgs_codec.codec.dpb import SH_BANDS, FrameState
+from dfcgs_codec.codec.reconstruct import reconstruct_intra
+from dfcgs_codec.encoder.analysis import intra_symbols, order_of, plan_grid
+from dfcgs_codec.encoder.canonical import choose_axis_names
+from dfcgs_codec.encoder.encoder import plan_sequence
+from dfcgs_codec.encoder.identity import Members
+from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.targets import Planes, Targets
+from dfcgs_codec.errors import InputError
+from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.sequence import MemorySource
+from dfcgs_codec.transform.rotation import round_divide
+from evaluation.assets import find_asset
+from training.paper.gof import NUM_FRAMES, Gof, camera_row, normalisation
+from training.scenes.catalogue import Scene, group, scene
+
+Int64 = npt.NDArray[np.int64]
+
+#: K of the paper; its M, 70, is the codec's default
+NUM_NEIGHBOURS = 30
+#: frame steps, and QPs of I-frames, in turn; the number of GoFs of a sequence is that of the steps
+STRIDES = (1, -1, 2, 1, -2, 1, 3, -1)
+QPS = (28.0, 22.0, 34.0)
+#: a GoF has a random share of the Gaussians, at least this and at most so many
+MIN_SHARE, MAX_GAUSSIANS = 0.4, 24_000
+VIEW_ANGLES = ((20.0, 10.0), (110.0, 30.0), (200.0, 20.0), (290.0, 40.0))
+#: of the evaluation's 640 x 480 images
+IMAGE_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class GofChoice:
+    """Which frames and Gaussians of a sequence make a GoF."""
+
+    first: int
+    stride: int
+    qp: float
+    share: float
+    seed: int
+
+
+def training_scenes(names: list[str] | None = None) -> list[Scene]:
+    """The scenes of the training group, or those of them that are named; InputError for any other."""
+    chosen = group("training") if names is None else [scene(name) for name in names]
+    others = {s.asset for s in [*group("evaluation"), *group("long")]}
+    for one in chosen:
+        if one.group != "training":
+            raise InputError(f"{one.name} is of group {one.group!r}; only 'training' is trained on")
+        # characters may be shared between clips, but never between the groups
+        assert one.asset not in others, f"{one.asset} is an asset of evaluation scenes"
+    return chosen
+
+
+def choices(num_frames: int, seed: int) -> list[GofChoice]:
+    """The GoFs of a sequence of so many frames."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for index, stride in enumerate(STRIDES):
+        span = (NUM_FRAMES - 1) * abs(stride)
+        if span >= num_frames:
+            continue
+        first = int(rng.integers(num_frames - span))
+        first = first if stride > 0 else first + span
+        share = float(rng.uniform(MIN_SHARE, 1.0))
+        found.append(GofChoice(first, stride, QPS[index % len(QPS)], share, seed + index))
+    return found
+
+
+def _common(frames: list[tuple[GaussianCloud, Int64 | None]], choice: GofChoice) -> list[GaussianCloud]:
+    """The frames' Gaussians that all of them have, in the same order, a random share of them."""
+    ids = [np.arange(cloud.num_gaussians) if ids is None else ids for cloud, ids in frames]
+    common = ids[0]
+    for some in ids[1:]:
+        common = np.intersect1d(common, some)
+    rng = np.random.default_rng(choice.seed)
+    count = min(MAX_GAUSSIANS, max(1, int(choice.share * len(common))))
+    kept = np.sort(rng.choice(common, count, replace=False))
+    clouds = []
+    for (cloud, _), some in zip(frames, ids, strict=True):
+        by_id = np.argsort(some)
+        clouds.append(cloud.take(by_id[np.searchsorted(some, kept, sorter=by_id)]))
+    return clouds
+
+
+def _decoded_first(plan: SequencePlan, planes: Planes) -> tuple[FrameState, Members]:
+    """The I-frame as a decoder has it, and which rows of the input it is made of."""
+    indices = round_divide(planes[Attribute.POSITION], plan.steps[Attribute.POSITION])
+    order = order_of(indices, plan_grid(indices))
+    members = Members(order, choose_axis_names(planes).take(order))
+    target = members.target(planes)
+    steps = {attribute: plan.steps[attribute] for attribute in planes}
+    return reconstruct_intra(intra_symbols(target, steps, None), steps), members
+
+
+def prepare_gof(clouds: list[GaussianCloud], qp: float, up: str, num_views: int = len(VIEW_ANGLES)) -> Gof:
+    """A GoF of clouds whose index is identity."""
+    plan = plan_sequence(MemorySource(clouds), EncoderOptions(qp=qp, gof_size=1))
+    targets = Targets(plan.header.unit_exponents)
+    planes = targets.planes(clouds[0])
+    state, members = _decoded_first(plan, planes)
+    later = [members.target(targets.planes(cloud)) for cloud in clouds[1:]]
+    first = {attribute: plane.wide() for attribute, plane in state.planes.items()}
+    frames = [first, *later]
+    motion = GofMotion.of(first[Attribute.POSITION], plan.gof_setup.control)
+    centre, extent_log2 = normalisation(first[Attribute.POSITION])
+    # distances in units of the normalised scene: networks do not see how large a scene unit is
+    exponent = int(np.clip(motion.shift - extent_log2, -MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT))
+    spreading = motion.spreading.of(NUM_NEIGHBOURS, exponent, motion.origins)
+    units = plan.header.unit_exponents
+    images, cameras = _pictures(clouds, up, num_views)
+    colours = [first[a] for a in (Attribute.SH_DC, *SH_BANDS) if a in first]
+    return Gof(
+        positions=np.stack([f[Attribute.POSITION] for f in frames]).astype(np.int32),
+        rotations=np.stack([f[Attribute.ROTATION] for f in frames]).astype(np.int32),
+        scales=first[Attribute.SCALE].astype(np.int32),
+        opacities=first[Attribute.OPACITY].astype(np.int32),
+        colours=np.concatenate(colours, axis=1).astype(np.int32),
+        units=np.array([units.position, units.scale, units.opacity, units.color], np.int64),
+        centre=centre,
+        extent_log2=np.array(extent_log2),
+        control=motion.field.gaussians,
+        neighbours=spreading.gaussians,
+        weights=spreading.weights,
+        images=images,
+        cameras=cameras,
+    )
+
+
+def _pictures(
+    clouds: list[GaussianCloud], up: str, num_views: int
+) -> tuple[npt.NDArray[np.float16], npt.NDArray[np.float64]]:
+    """Images of the P-frames and their cameras, as `Gof` has them; without views no renderer is needed."""
+    if not num_views:
+        return np.zeros((0, len(clouds) - 1, 1, 1, 3), np.float16), np.zeros((0, 20))
+    from evaluation.render import render
+    from evaluation.views import central_box, framing_camera
+
+    box = central_box(clouds[0])
+    images, rows = [], []
+    for angles in VIEW_ANGLES[:num_views]:
+        camera = framing_camera(box, angles, up)
+        sizes = {name: getattr(camera, name) * IMAGE_SHARE for name in ("fx", "fy", "cx", "cy")}
+        shape = {name: int(getattr(camera, name) * IMAGE_SHARE) for name in ("width", "height")}
+        camera = replace(camera, **sizes, **shape)
+        images.append([render(cloud, camera).colour for cloud in clouds[1:]])
+        rows.append(camera_row(camera))
+    return np.array(images, np.float16), np.array(rows)
+
+
+def prepare(folder: Path, names: list[str] | None = None) -> Iterator[Path]:
+    """Prepare what is not there yet; `<scene>.<number>.npz`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for one in training_scenes(names):
+        frames: list[tuple[GaussianCloud, Int64 | None]] = []
+        for index, choice in enumerate(choices(one.num_frames, one.seed)):
+            path = folder / f"{one.name}.{index}.npz"
+            if not path.exists():
+                frames = frames or list(one.frames_with_ids(find_asset(one.asset)))
+                picked = [frames[choice.first + i * choice.stride] for i in range(NUM_FRAMES)]
+                prepare_gof(_common(picked, choice), choice.qp, one.up).save(path)
+            yield path
