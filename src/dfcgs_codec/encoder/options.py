@@ -114,6 +114,15 @@ class EncoderOptions:
             f"--latent-step {self.latent_step}: a power of two, 1/16 to 64, was expected": (
                 MIN_LATENT_STEP_LOG2 <= _log2(self.latent_step) <= MAX_LATENT_STEP_LOG2
             ),
+            "--motion, --compensation and --steps belong to --profile main; paper has its own motion": (
+                self.profile == Profile.MAIN
+                or (self.motion, self.compensation, self.visibility)
+                == (MotionMode.AUTO, Compensation.GATHER, True)
+            ),
+            "--latent-step and --refinement belong to --profile paper": (
+                self.profile == Profile.PAPER
+                or (self.latent_step, self.refinement) == (1.0, RefinementMode.AUTO)
+            ),
             "--bound with --profile paper: its P-frames have no residual, so that no error can be bounded": (
                 not self.bounds or self.profile == Profile.MAIN
             ),

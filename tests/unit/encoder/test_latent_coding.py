@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, InputError, encode_sequence, probe
-from dfcgs_codec.bitstream.constants import Attribute, IntraKind, Profile
+from dfcgs_codec.bitstream.constants import Attribute, Compensation, IntraKind, Profile
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.latent_motion import LatentReference
 from dfcgs_codec.encoder.latent_coding import frequency_encoding
-from dfcgs_codec.encoder.options import RefinementMode
+from dfcgs_codec.encoder.options import MotionMode, RefinementMode
 from dfcgs_codec.encoder.rate_control import Bound
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import CorruptBitstream, ModelMismatch
@@ -138,6 +139,21 @@ def test_steps(tmp_path: Path, step: float) -> None:
 def test_other_steps_are_refused(step: float) -> None:
     with pytest.raises(InputError, match="latent-step"):
         replace(PAPER, latent_step=step)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"motion": MotionMode.OFF}, {"compensation": Compensation.SPREAD}, {"visibility": False}],
+)
+def test_options_of_the_other_profile_are_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="belong to --profile main"):
+        replace(PAPER, **changes)
+
+
+@pytest.mark.parametrize("changes", [{"latent_step": 2}, {"refinement": RefinementMode.OFF}])
+def test_options_of_this_profile_are_refused_elsewhere(changes: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="belong to --profile paper"):
+        EncoderOptions(**changes)
 
 
 def test_bounds_cannot_be_kept() -> None:
