@@ -4,11 +4,15 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 EVAL_STAMP := $(VENV)/.installed-eval
+TRAIN_STAMP := $(VENV)/.installed-train
+# which torch to train with; CPU builds come from PyTorch's own index (see the README)
+TORCH ?= torch>=2.2,<2.15
+RUN := out/paper/run
 DEMO := out/demo
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval demo test test-evaluation check format golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-identity bench-smooth drift stress allocation charts fitted
+.PHONY: help env env-eval env-train demo test test-evaluation test-training train check format golden clean \
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-identity bench-smooth drift stress allocation charts fitted
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -25,6 +29,13 @@ $(EVAL_STAMP): $(STAMP)
 	touch $@
 
 env-eval: $(EVAL_STAMP) ## the same with renderer, baselines and charts
+
+$(TRAIN_STAMP): $(EVAL_STAMP)
+	$(BIN)/pip install --quiet --disable-pip-version-check '$(TORCH)'
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,eval,train]'
+	touch $@
+
+env-train: $(TRAIN_STAMP) ## the same with torch, for training
 
 demo: $(STAMP) ## the main job on a real moving sequence: make frames, encode, decode in a fresh process, verify
 	rm -rf $(DEMO)
@@ -44,6 +55,13 @@ test: $(STAMP) ## all tests
 
 test-evaluation: env-eval ## the tests of renderer, metrics, baselines and fitting, which need the extra [eval]
 	$(BIN)/python -m pytest -n 2 tests/evaluation tests/unit/test_fitting.py
+
+test-training: env-train ## the tests of training, which need torch
+	$(BIN)/python -m pytest -n 2 tests/training
+
+train: env-train ## train the model of profile paper anew (an hour; goes on where it stopped) and export it into out/
+	$(BIN)/python -m training.paper train --out $(RUN) --seed 1 $(if $(wildcard $(RUN)/checkpoint.pt),--resume,--minutes 60)
+	$(BIN)/python -m training.paper export $(RUN) --model-id paper-1 --out $(RUN)
 
 check: $(STAMP) ## lint, types, import floors
 	$(BIN)/ruff check .
@@ -73,6 +91,10 @@ bench-motion: env-eval ## what motion and its parts are worth: ablations (two ho
 
 bench-compensation: env-eval ## motion without residual: the main rule, the paper's, the last frame repeated (10 minutes)
 	$(BIN)/python -m evaluation.compensation
+
+bench-paper: env-eval ## profile paper against main, and the paper's tables (an hour)
+	$(BIN)/python -m evaluation.paper_profile
+	$(BIN)/python -m evaluation.paper_ablations
 
 bench-smooth: env-eval ## smooth scenes of 60 frames against quantised delta + zstd (an hour)
 	$(BIN)/python -m evaluation.long_smooth

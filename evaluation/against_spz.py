@@ -8,6 +8,7 @@ SPZ's. Errors are taken over the values inside SPZ's clamps.
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,8 @@ class IntraFrame:
         self._planes = Targets(_UNITS).planes(cloud)
         self._names = choose_axis_names(self._planes)
         self._renamed = self._names.rename(self._planes)
-        self._cloud = self._names.rename_cloud(cloud)
+        scales = self._names.rename_scales(cloud.scales)
+        self._cloud = replace(cloud, scales=scales, rotations=self._names.rename_rotations(cloud.rotations))
 
     @property
     def axis_order(self) -> npt.NDArray[np.int64]:

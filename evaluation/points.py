@@ -57,7 +57,8 @@ class Point:
 def codec_version() -> str:
     """A digest of the codec's sources."""
     total = hashlib.sha256()
-    for path in sorted((REPOSITORY / "src").rglob("*.py")):
+    sources = [path for path in (REPOSITORY / "src").rglob("*") if path.suffix in (".py", ".npz")]
+    for path in sorted(sources):
         total.update(path.read_bytes())
     return total.hexdigest()[:16]
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from evaluation import paper_tables
 from evaluation.bd import bd_delta, rate_at
 from evaluation.record import REPOSITORY
 from evaluation.results_file import curves, has_results, measured, results
@@ -384,6 +385,9 @@ TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "allocation": ("allocation", allocation_table),
     "identity": ("identity", identity_table),
     "lost order": ("identity", lost_order_table),
+    "paper curves": ("paper_profile", paper_tables.curves_table),
+    "paper whole": ("paper_profile", paper_tables.whole_table),
+    "paper ablations": ("paper_ablations", paper_tables.ablation_table),
 }
 
 

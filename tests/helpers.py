@@ -103,6 +103,17 @@ def same_cloud(a: GaussianCloud, b: GaussianCloud) -> bool:
 # --- sequences ----------------------------------------------------------------------------------------
 
 
+def swaying(cloud: GaussianCloud, count: int, amount: float = 0.04) -> list[GaussianCloud]:
+    """Everything leans to one side, the farther up the more, and back."""
+    up = cloud.positions[:, 1] - cloud.positions[:, 1].min()
+    frames = []
+    for index in range(count):
+        positions = cloud.positions.copy()
+        positions[:, 0] += np.float32(amount * np.sin(index)) * up
+        frames.append(replace(cloud, positions=positions))
+    return frames
+
+
 def still(cloud: GaussianCloud, num_frames: int) -> list[GaussianCloud]:
     """The same frame again and again."""
     return [cloud] * num_frames

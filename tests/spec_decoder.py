@@ -6,21 +6,26 @@ text's pseudo-code, and comments cite its sections.
 
 from __future__ import annotations
 
+import ast
 import hashlib
+import io
 import math
+import operator
 import struct
+import zipfile
 import zlib
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import accumulate
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 STATE_LIMIT = 2**29 - 1
 GAUSSIAN, LAPLACE, HEAVY = 0, 1, 2
 POSITION, SCALE, ROTATION, OPACITY, SH_DC = 0, 1, 2, 3, 4
-MOTION, TOPOLOGY, VISIBILITY = 1, 2, 4
+MOTION, TOPOLOGY, VISIBILITY, LATENT, REFINEMENT = 1, 2, 4, 8, 16
+MAIN, PAPER = 0, 1
 COLUMNS = (3, 3, 4, 1, 3, 9, 15, 21)
 Row = list[int]
 Matrix = list[list[int]]
@@ -29,6 +34,12 @@ T = TypeVar("T")
 
 class Refused(Exception):
     """The file does not conform."""
+
+
+class ModelMismatch(Refused):
+    """The file wants a model that the decoder does not have."""
+
+    code = "model-mismatch"
 
 
 def require(condition: bool) -> None:
@@ -1078,6 +1089,7 @@ class MotionField:
         self.origin: list[int | None] = list(range(n))
         self.spread: tuple[int, int] | None = None
         self.steps = (1, 0)
+        self._found: dict[tuple[int, ...], list[tuple[int, int]]] = {}
 
     def cell(self, position: Row) -> Row:
         return [
@@ -1110,7 +1122,7 @@ class MotionField:
             temporal_weight = fields.u8()
         else:
             self.spread = (fields.uvarint(), fields.svarint())
-            require(1 <= self.spread[0] <= 64 and abs(self.spread[1]) <= 28)
+            require(1 <= self.spread[0] <= 128 and abs(self.spread[1]) <= 28)
         steps = (fields.uvarint(), fields.uvarint())
         require(num_coded <= len(self.pivot) and temporal_weight <= 4)
         require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= (2**24 if self.spread else 2**18))
@@ -1190,7 +1202,11 @@ class MotionField:
     def carry(self, reference: State, follows: list[bool]) -> State:
         """14.5, or 14.7."""
         if self.spread is not None:
-            return self._spread(reference, follows, self.spread)
+            steps = [self.steps[0]] * 3 + [self.steps[1]] * 4
+            motions = [
+                [s * step for s, step in zip(symbols, steps, strict=True)] for symbols in self.last.symbols
+            ]
+            return self.spread_motions(reference, follows, motions, self.spread)
         planes = dict(reference.planes)
         positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
         for i, point in enumerate(self.points):
@@ -1207,12 +1223,20 @@ class MotionField:
         planes[POSITION], planes[ROTATION] = positions, rotations
         return State(planes, reference.order)
 
-    def _spread(self, reference: State, follows: list[bool], spread: tuple[int, int]) -> State:
-        """14.7."""
+    def _neighbours(self, k: int, spread: tuple[int, int]) -> list[tuple[int, int]]:
+        """14.7: of a control point; they stay for the GoF."""
+        if (k, *spread) not in self._found:
+            cell = self.first_cells[self.gaussian[k]]
+            self._found[(k, *spread)] = neighbours(cell, self.first_cells, *spread)
+        return self._found[(k, *spread)]
+
+    def spread_motions(
+        self, reference: State, follows: list[bool], motions: Matrix, spread: tuple[int, int]
+    ) -> State:
+        """14.7, with the seven components of each control point."""
         total = [[0] * 7 for _ in self.first_cells]
-        for gaussian, symbols in zip(self.gaussian, self.last.symbols, strict=True):
-            m = [s * self.steps[0] for s in symbols[:3]] + [s * self.steps[1] for s in symbols[3:]]
-            for i, weight in neighbours(self.first_cells[gaussian], self.first_cells, *spread):
+        for k, m in enumerate(motions):
+            for i, weight in self._neighbours(k, spread):
                 total[i] = [a + weight * b for a, b in zip(total[i], m, strict=True)]
         planes = dict(reference.planes)
         positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
@@ -1307,6 +1331,7 @@ class Gof:
         self.history: dict[int, Activity] = {}
         self.lods = Lods(len(self.anchors), self.anchors)
         self._intra = self.state.positions
+        self.normalisation = Normalisation(self._intra)
         self._motion: MotionField | None = None
 
     @property
@@ -1366,6 +1391,250 @@ class Gof:
         return rows
 
 
+# --- 16 the network of profile PAPER ----------------------------------------------------------------------
+
+
+class Array(NamedTuple):
+    """An array of integers: `|i1`, `<i2`, `<i4` or `<i8`; values with the last index running fastest."""
+
+    dtype: str
+    shape: tuple[int, ...]
+    values: Row
+
+
+Models = Mapping[str, Mapping[str, Array | tuple[str, tuple[int, ...], Row]]]
+#: 16.1: formats of `struct`
+INTEGERS = {"|i1": "b", "<i2": "h", "<i4": "i", "<i8": "q"}
+
+
+def read_npy(data: bytes) -> Array:
+    require(data[:6] == b"\x93NUMPY")
+    layout = "<H" if data[6] == 1 else "<I"
+    start = 8 + struct.calcsize(layout)
+    end = start + struct.unpack_from(layout, data, 8)[0]
+    header = ast.literal_eval(data[start:end].decode("latin1"))
+    require(header["descr"] in INTEGERS and not header["fortran_order"])
+    count = math.prod(header["shape"])
+    values = struct.unpack(f"<{count}{INTEGERS[header['descr']]}", data[end:])
+    return Array(header["descr"], header["shape"], list(values))
+
+
+def read_npz(data: bytes) -> dict[str, Array]:
+    """A model from the bytes of its file."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        return {name.removesuffix(".npy"): read_npy(archive.read(name)) for name in archive.namelist()}
+
+
+def model_hash(arrays: Mapping[str, Array]) -> bytes:
+    """16.1; the file has its first 8 bytes."""
+    whole = hashlib.sha256()
+    for name in sorted(arrays, key=str.encode):
+        dtype, shape, values = arrays[name]
+        whole.update(name.encode() + b"\0" + dtype.encode() + b"\0" + str(tuple(shape)).encode() + b"\0")
+        whole.update(struct.pack(f"<{len(values)}{INTEGERS[dtype]}", *values))
+    return whole.digest()
+
+
+class Layer(NamedTuple):
+    weight: Matrix
+    bias: Row
+    shift: int
+    limit: int
+    leaky: int
+
+
+class FrozenModel:
+    """Arrays of a model, as networks and tables."""
+
+    def __init__(self, arrays: Mapping[str, Array]) -> None:
+        self.networks: dict[str, list[Layer]] = {}
+        for name in ("hyper_synthesis", "grid_context", "appearance", "fusion", "synthesis", "refinement"):
+            layers: list[Layer] = []
+            while f"{name}.{len(layers)}.weight" in arrays:
+                prefix = f"{name}.{len(layers)}."
+                weight = rows_of(arrays[prefix + "weight"])
+                layers.append(Layer(weight, arrays[prefix + "bias"].values, *arrays[prefix + "scale"].values))
+            if layers:
+                self.networks[name] = layers
+        self.grid = rows_of(arrays["grid"]) if "grid_context" in self.networks else []
+        self._frequencies: Matrix = []
+        if "hyper_synthesis" in self.networks:
+            self._frequencies = rows_of(arrays["hyper_frequencies"])
+
+    def network(self, name: str, x: Row) -> Row:
+        x = [clip(value, -32767, 32767) for value in x]
+        for weight, bias, shift, limit, leaky in self.networks[name]:
+            y = []
+            for row, b in zip(weight, bias, strict=True):
+                v = clip((b + sum(map(operator.mul, row, x))) >> shift, -limit, limit)
+                y.append(v >> 7 if leaky and v < 0 else v)
+            x = y
+        return x
+
+    def hyper_models(self) -> dict[int, Model]:
+        return {c: Model([0, *accumulate(row)]) for c, row in enumerate(self._frequencies)}
+
+
+def rows_of(array: Array) -> Matrix:
+    """The last index along a row, all others as one."""
+    columns = array.shape[-1]
+    return [array.values[i : i + columns] for i in range(0, len(array.values), columns)]
+
+
+def find_model(sequence: Sequence, models: Models) -> FrozenModel:
+    if not sequence.model_id or sequence.model_id not in models:
+        raise ModelMismatch
+    arrays = {name: Array(*array) for name, array in models[sequence.model_id].items()}
+    if model_hash(arrays)[:8] != sequence.model_hash:
+        raise ModelMismatch
+    return FrozenModel(arrays)
+
+
+def shift_left(a: int, n: int) -> int:
+    return a << n if n >= 0 else a >> -n
+
+
+class Normalisation:
+    """16.2, from the positions of the I-frame."""
+
+    def __init__(self, positions: Matrix) -> None:
+        n = len(positions)
+        self.center, extents = [], [1]
+        for column in transposed(positions):
+            s = sorted(column)
+            middle = s[n // 2]
+            self.center.append(middle)
+            extents += [s[min(n - 1, n * 95 // 100)] - middle, middle - s[n * 5 // 100]]
+        self.size = (max(extents) - 1).bit_length()
+
+    def normal(self, q: Row) -> Row:
+        return [
+            clip(shift_left(a - b, 15 - self.size), -(2**17), 2**17)
+            for a, b in zip(q, self.center, strict=True)
+        ]
+
+
+def grid_row(corner: Row, side: int) -> int:
+    """16.3."""
+    x, y, z = corner
+    if side**3 <= 4096:
+        return x + side * (y + side * z)
+    return (x ^ (y * 2654435761) ^ (z * 805459861)) & 4095
+
+
+def place_features(normal: Row, grid: Matrix) -> Row:
+    """16.3; `grid` has the rows of all levels."""
+    t = [clip(c, -(2**15), 2**15 - 1) + 2**15 for c in normal]
+    place = []
+    for level in range(6):
+        b = level + 2
+        cell = [c >> (16 - b) for c in t]
+        f = [(c >> (8 - b)) & 255 for c in t]
+        total = [0] * 4
+        for corner in range(8):
+            d = [corner >> axis & 1 for axis in range(3)]
+            row = grid[4096 * level + grid_row([a + e for a, e in zip(cell, d, strict=True)], 2**b + 1)]
+            weight = math.prod(v if e else 256 - v for v, e in zip(f, d, strict=True))
+            total = [a + weight * value for a, value in zip(total, row, strict=True)]
+        place += [value >> 18 for value in total]
+    return place
+
+
+@dataclass
+class Priors:
+    """16.3: of the Gaussians of a reference frame, made when they are needed."""
+
+    model: FrozenModel
+    planes: dict[int, Matrix]
+    normalisation: Normalisation
+    sequence: Sequence
+    _found: dict[int, Row] = field(default_factory=dict)
+
+    def of(self, i: int) -> Row:
+        if i not in self._found:
+            prior = [0] * 16
+            if "grid_context" in self.model.networks:
+                place = place_features(self.normalisation.normal(self.planes[POSITION][i]), self.model.grid)
+                prior = self.model.network("grid_context", place)
+            if "appearance" in self.model.networks:
+                appearance = self.model.network("appearance", self._look(i))
+                prior = [a + b for a, b in zip(prior, appearance, strict=True)]
+            self._found[i] = [clip(c, -32767, 32767) for c in prior]
+        return self._found[i]
+
+    def _look(self, i: int) -> Row:
+        e = self.sequence.exponents
+        size_log = ((self.normalisation.size + e[POSITION]) * 45426) >> 6
+        look = [shift_left(c, e[SCALE] + 10) - size_log for c in self.planes[SCALE][i]]
+        look += [c >> 12 for c in self.planes[ROTATION][i]]
+        look.append(shift_left(self.planes[OPACITY][i][0], e[OPACITY] + 10))
+        for attribute in self.sequence.attributes[SH_DC:]:
+            look += [shift_left(c, e[SH_DC] + 12) for c in self.planes[attribute][i]]
+        return look + [0] * (56 - len(look))
+
+
+def hyper_latents(stream: RangeDecoder, model: FrozenModel, n: int) -> Matrix:
+    """16.4: z."""
+    values = stream.grouped([i % 16 for i in range(16 * n)], model.hyper_models())
+    values = [value - 31 for value in values]
+    escaped = [i for i, value in enumerate(values) if abs(value) == 31]
+    for i, excess in zip(escaped, stream.escapes(len(escaped)), strict=True):
+        values[i] += sign(values[i]) * excess
+    return [values[16 * k : 16 * k + 16] for k in range(n)]
+
+
+def latent_motions(
+    model: FrozenModel, motion: MotionField, prior: Priors, payloads: tuple[Fields | None, Fields]
+) -> tuple[Matrix, tuple[int, int]]:
+    """6.5, 16.4: m, and what 14.7 spreads with."""
+    hyper, fields = payloads
+    n = len(motion.gaussian)
+    h = [[0] * 16] * n
+    if hyper is not None:
+        stream = RangeDecoder(hyper.data)
+        h = [model.network("hyper_synthesis", z) for z in hyper_latents(stream, model, n)]
+        stream.finish()
+    num_coded, step_log2 = fields.uvarint(), fields.svarint()
+    spread = fields.uvarint(), fields.svarint()
+    require(num_coded == n and -4 <= step_log2 <= 6)
+    require(1 <= spread[0] <= 128 and abs(spread[1]) <= 28)
+    stream = RangeDecoder(fields.raw(len(fields.data) - fields.place))
+    u = [model.network("fusion", h[k] + prior.of(motion.gaussian[k])) for k in range(n)]
+    scales = [clip(((c + 32) >> 6) - 6 * step_log2, 0, 159) for row in u for c in row[16:]]
+    values = stream.residuals(scales, {scale: GAUSSIAN * 160 + scale for scale in range(160)})
+    stream.finish()
+    motions = []
+    for k in range(n):
+        y = [
+            clip((clip(value, -32767, 32767) << (6 + step_log2)) + mean, -32767, 32767)
+            for value, mean in zip(values[16 * k : 16 * k + 16], u[k][:16], strict=True)
+        ]
+        motions.append(model.network("synthesis", y))
+    return motions, spread
+
+
+def motion_of_output(m: Row, size: int) -> Row:
+    """16.5: in the units of 14.7."""
+    m = [shift_left(c, size - 16) for c in m[:3]] + [c << 8 for c in m[3:]]
+    return [clip(c, -2 * STATE_LIMIT, 2 * STATE_LIMIT) for c in m]
+
+
+def refined(planes: dict[int, Matrix], changes: Matrix, sequence: Sequence) -> dict[int, Matrix]:
+    """16.5, with what the network makes of each Gaussian."""
+    planes, start = dict(planes), 0
+    for attribute in sequence.attributes[SH_DC + 1 :]:
+        stop = start + COLUMNS[attribute]
+        planes[attribute] = [
+            [
+                clip(a + shift_left(c, -12 - sequence.exponents[SH_DC]), -STATE_LIMIT, STATE_LIMIT)
+                for a, c in zip(row, change[start:stop], strict=True)
+            ]
+            for row, change in zip(planes[attribute], changes, strict=True)
+        ]
+        start = stop
+    return planes
+
+
 # --- 3 to 7 files -----------------------------------------------------------------------------------------
 
 
@@ -1375,6 +1644,9 @@ class Sequence:
     num_frames: int
     frame_numbers: Row
     exponents: dict[int, int]
+    profile: int = MAIN
+    model_id: str = ""
+    model_hash: bytes = b""
 
     @property
     def attributes(self) -> Row:
@@ -1395,7 +1667,9 @@ class Frame:
 
 def sequence_header(fields: Fields) -> Sequence:
     version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
-    require(version == 5 and profile == 0 and level in (1, 2, 3) and sh_degree <= 3 and order <= 2)
+    require(
+        version == 6 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
+    )
     num_frames = fields.uvarint()
     fields.uvarint()
     require(num_frames > 0 and fields.uvarint() > 0)
@@ -1407,9 +1681,12 @@ def sequence_header(fields: Fields) -> Sequence:
         numbers += range(first, end)
     require(len(numbers) == num_frames)
     position, scale, opacity, color = (fields.svarint() for _ in range(4))
-    require(fields.uvarint() == 0 and fields.place == len(fields.data))
+    model_id = fields.raw(fields.uvarint())
+    require(len(model_id) <= 64 and model_id.isascii() and (profile == PAPER or not model_id))
+    hashed = fields.raw(8) if model_id else b""
+    require(fields.place == len(fields.data))
     exponents = {POSITION: position, SCALE: scale, ROTATION: -24, OPACITY: opacity, SH_DC: color}
-    return Sequence(sh_degree, num_frames, numbers, exponents)
+    return Sequence(sh_degree, num_frames, numbers, exponents, profile, model_id.decode("ascii"), hashed)
 
 
 def chunks(data: bytes) -> Iterator[tuple[int, int, Fields]]:
@@ -1424,7 +1701,7 @@ def chunks(data: bytes) -> Iterator[tuple[int, int, Fields]]:
         payload = fields.raw(length)
         crc = zlib.crc32(data[start : fields.place])
         require(fields.raw(4) == struct.pack("<I", crc))
-        if kind in (0x01, 0x10, 0x20, 0x22, 0x23, 0x24, 0x7E, 0x7F):
+        if kind in (0x01, 0x10, 0x20, 0x21, 0x22, 0x23, 0x24, 0x7E, 0x7F):
             yield kind, frame_index, Fields(payload)
         else:
             require(kind & 0x80 != 0)
@@ -1490,13 +1767,16 @@ def topology_chunk(fields: Fields, sequence: Sequence, n: int) -> Topology:
 
 
 class Decoder:
-    """Frames of a file, from its beginning."""
+    """Frames of a file, from its beginning; `models` by id, for profile PAPER."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, models: Models | None = None) -> None:
         self._chunks = chunks(data)
         kind, _, fields = next(self._chunks)
         require(kind == 0x01)
         self.sequence = sequence_header(fields)
+        self._model: FrozenModel | None = None
+        if self.sequence.profile == PAPER:
+            self._model = find_model(self.sequence, models or {})
 
     def frames(self) -> Iterator[Frame]:
         expected = 0
@@ -1511,7 +1791,10 @@ class Decoder:
                 require(kind == 0x20)
                 if gof is None:
                     raise Refused
-                frame_hash = self._inter_frame(fields, frame_index, gof)
+                if self._model is None:
+                    frame_hash = self._inter_frame(fields, frame_index, gof)
+                else:
+                    frame_hash = self._paper_frame(fields, frame_index, gof, self._model)
             yield Frame(frame_index, frame_hash, gof.state, self.sequence)
             expected += 1
         require(expected == self.sequence.num_frames)
@@ -1525,7 +1808,7 @@ class Decoder:
     def _inter_frame(self, fields: Fields, frame_index: int, gof: Gof) -> bytes:
         frame_hash, tools, mask = fields.raw(16), fields.u8(), fields.u8()
         attributes = [a for a in self.sequence.attributes if mask >> a & 1]
-        require(tools < 8 and mask < 1 << len(self.sequence.attributes))
+        require(tools < LATENT and mask < 1 << len(self.sequence.attributes))
         require(mask > 0 or not tools & VISIBILITY)
         block_log2 = fields.u8() if tools or mask else 3
         steps = {attribute: fields.uvarint() for attribute in attributes}
@@ -1554,6 +1837,30 @@ class Decoder:
             gof.motion.learn(reference, gof.state.positions)
         if topology:
             gof.settle(topology, block_log2)
+        return frame_hash
+
+    def _paper_frame(self, fields: Fields, frame_index: int, gof: Gof, model: FrozenModel) -> bytes:
+        """16."""
+        frame_hash, tools, mask = fields.raw(16), fields.u8(), fields.u8()
+        require(tools & ~(LATENT | REFINEMENT) == 0 and mask == 0 and fields.place == len(fields.data))
+        require("refinement" in model.networks or not tools & REFINEMENT)
+        if not tools:
+            return frame_hash
+        reference = State(gof.state.planes, gof.state.order)  # 9.3: no float32 values
+        prior = Priors(model, reference.planes, gof.normalisation, self.sequence)
+        gof.state = reference
+        if tools & LATENT:
+            hyper = None
+            if "hyper_synthesis" in model.networks:
+                hyper = self._following(0x21, frame_index)
+            fields = self._following(0x22, frame_index)
+            motions, spread = latent_motions(model, gof.motion, prior, (hyper, fields))
+            n, size = len(reference.positions), gof.normalisation.size
+            in_units = [motion_of_output(m, size) for m in motions]
+            gof.state = gof.motion.spread_motions(reference, [True] * n, in_units, spread)
+        if tools & REFINEMENT:
+            changes = [model.network("refinement", prior.of(i)) for i in range(len(reference.positions))]
+            gof.state = State(refined(gof.state.planes, changes, self.sequence), gof.state.order)
         return frame_hash
 
 

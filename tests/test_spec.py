@@ -10,6 +10,7 @@ import hashlib
 import importlib
 import importlib.util
 import io
+import itertools
 import json
 import re
 import struct
@@ -65,12 +66,17 @@ from dfcgs_codec.codec.side_information import (
 from dfcgs_codec.codec.topology import TopologySymbols
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder import frame_coding, streams
+from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionTrial
+from dfcgs_codec.encoder.options import RefinementMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.entropy import coder, tables
 from dfcgs_codec.entropy.symbols import code_bits, code_escapes, code_residuals
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS
+from dfcgs_codec.model import registry
+from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
+from tests.latent_models import random_arrays
 
 ROOT = Path(__file__).resolve().parents[1]
 SPEC = (ROOT / "bitstream_spec.md").read_text(encoding="utf-8")
@@ -109,6 +115,9 @@ def _tables() -> dict[str, dict[str, Any]]:
 
 
 TABLES = _tables()
+WEIGHTS = Path(registry.__file__).with_name("weights")
+#: the models of the package, as the text's decoder reads them
+MODELS = {path.stem: spec_decoder.read_npz(path.read_bytes()) for path in sorted(WEIGHTS.glob("*.npz"))}
 _ENUMS = {
     kind.__name__: kind
     for kind in (
@@ -426,7 +435,9 @@ def test_example_decodes_as_written() -> None:
     )
     decoded = list(SequenceDecoder(io.BytesIO(data)).frames())
     assert {str(f.index): f.state.hash().hex() for f in decoded} == written
-    assert {str(f.index): f.state.hash().hex() for f in spec_decoder.Decoder(data).frames()} == written
+    assert {
+        str(f.index): f.state.hash().hex() for f in spec_decoder.Decoder(data, MODELS).frames()
+    } == written
     assert len(written) == 2
 
 
@@ -479,10 +490,10 @@ def _check_output(frame: Any, cloud: GaussianCloud) -> None:
         assert np.array_equal(np.array(found[name], np.float32), values), name
 
 
-def _check_file(data: bytes) -> list[bytes]:
+def _check_file(data: bytes, models: Any = None) -> list[bytes]:
     """Hashes of all frames, the same in the file, in the package and in the decoder of the text."""
     package = list(SequenceDecoder(io.BytesIO(data)).frames())
-    text = list(spec_decoder.Decoder(data).frames())
+    text = list(spec_decoder.Decoder(data, models or MODELS).frames())
     for ours, theirs in zip(text, package, strict=True):
         assert ours.state.hash() == theirs.state.hash(), f"frame {ours.index}"
         assert ours.frame_hash == ours.state.hash()
@@ -753,7 +764,60 @@ def test_random_choices(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     _check_file(file.getvalue())
 
 
-# --- section 17 -------------------------------------------------------------------------------------------
+# --- section 16 -------------------------------------------------------------------------------------------
+
+
+def _as_text_reads(arrays: dict[str, np.ndarray]) -> dict[str, Any]:
+    return {
+        name: spec_decoder.Array(
+            array.dtype.str.replace("=", "<"), tuple(array.shape), array.ravel().tolist()
+        )
+        for name, array in arrays.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("seed", "sh_degree", "without", "changes"),
+    [
+        (1, 0, (), {}),
+        (2, 2, (), {"refinement": RefinementMode.ON, "latent_step": 0.5, "control_spacing": 9}),
+        (3, 3, ("hyper_synthesis", "grid_context"), {"latent_step": 8, "num_neighbours": 5, "qp": 40}),
+        (4, 1, ("appearance",), {"refinement": RefinementMode.ON, "intra": IntraKind.PLY, "gof_size": 2}),
+        (5, 1, ("refinement",), {"control_rule": ControlRule.STRIDE, "latent_step": 1 / 16, "qp": 8}),
+    ],
+)
+def test_networks(
+    seed: int,
+    sh_degree: int,
+    without: tuple[str, ...],
+    changes: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Networks of random integers, in every frame, whether they lead nearer or not."""
+    arrays = random_arrays(seed, without=without, gain=40 * seed)
+    monkeypatch.setattr(registry, "_registered", {})
+    registry.register(LatentModel.of_arrays("random", arrays))
+    # the frame with motion is asked for first
+    asked = itertools.count()
+    monkeypatch.setattr(LatentCoder, "_distance", lambda *_: next(asked))
+    frames = _sequence(np.random.default_rng(seed), 150, sh_degree)[:4]
+    target = tmp_path / "random.dgs"
+    options = EncoderOptions(profile=Profile.PAPER, model_id="random", **({"control_spacing": 15} | changes))
+    report = encode_sequence(frames, target, options)
+    assert sum(frame.kind == "P" for frame in report.frames) >= 1
+    _check_file(target.read_bytes(), {"random": _as_text_reads(arrays)})
+
+
+def test_the_text_names_every_model() -> None:
+    text = SPEC[SPEC.index("### 16.1 ") : SPEC.index("### 16.2 ")]
+    rows = re.findall(r"^\| `([\w.-]+)` \| ([0-9a-f]{16}) \|$", text, re.M)
+    found = {name: spec_decoder.model_hash(arrays).hex()[:16] for name, arrays in MODELS.items()}
+    assert dict(rows) == found
+    assert {name: registry.installed(name).digest.hex()[:16] for name in found} == found
+
+
+# --- section 18 -------------------------------------------------------------------------------------------
 
 
 def _patched(field: str, value: bytes, chunk: int = 0) -> bytes:
@@ -794,7 +858,7 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_PLAIN[:100] + b"!" + _PLAIN[101:], "corrupt"),
         (_patched("bitstream_version", bytes([constants.BITSTREAM_VERSION - 1])), "unsupported"),
         (_patched("bitstream_version", bytes([constants.BITSTREAM_VERSION + 1])), "unsupported"),
-        (_patched("profile", b"\1"), "unsupported"),
+        (_patched("profile", b"\1"), "model-mismatch"),
         (_patched("profile", b"\2"), "unsupported"),
         (_patched("level", b"\0"), "unsupported"),
         (_patched("sh_degree", b"\4"), "limit"),
@@ -809,7 +873,7 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("model_id_length", b"\x7f"), "limit"),
         (_patched("model_id_length", b"\1"), "corrupt"),
         (_patched("chunk_type", b"\x22", 1), "corrupt"),
-        (_patched("chunk_type", b"\x21", 1), "unsupported"),
+        (_patched("chunk_type", b"\x21", 1), "corrupt"),
         (_patched("chunk_type", b"\x23", 1), "corrupt"),
         (_patched("chunk_type", b"\x42", 1), "unsupported"),
         (_patched("frame_index", b"\1", 2), "corrupt"),
@@ -833,6 +897,8 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("tools", b"\x81"), "unsupported"),
         (_patched("tools", b"\0"), "corrupt"),
         (_patched("tools", b"\1"), "corrupt"),
+        (_patched("tools", b"\x0d"), "corrupt"),
+        (_patched("tools", b"\x15"), "corrupt"),
         (_patched("visibility_level of POSITION", b"\x80\0"), "corrupt"),
         (_patched("num_coded", b"\4"), "limit"),
         (_patched("compensation", b"\2"), "unsupported"),
@@ -859,12 +925,9 @@ def test_unknown_ancillary_chunks_are_skipped() -> None:
 
 
 def test_text_names_every_error() -> None:
-    from dfcgs_codec import errors
-
     codes = {kind.code: kind.__name__ for kind in BitstreamError.__subclasses__()}
     codes |= {VerificationError.code: VerificationError.__name__}
-    codes.pop(errors.ModelMismatch.code)
-    text = SPEC[SPEC.index("## 17 ") : SPEC.index("## 18 ")]
+    text = SPEC[SPEC.index("## 18 ") : SPEC.index("## 19 ")]
     written = {code: name for name, code in re.findall(r"^\| `(\w+)` \| `([\w-]+)` \|", text, re.M)}
     assert written == codes
 
@@ -873,6 +936,6 @@ def test_index_leads_to_every_gof(tmp_path: Path) -> None:
     target = tmp_path / "sequence.dgs"
     encode_sequence(_sequence(np.random.default_rng(3), 60, 0), target, EncoderOptions(gof_size=2))
     data = target.read_bytes()
-    all_frames = [frame.frame_hash for frame in spec_decoder.Decoder(data).frames()]
+    all_frames = [frame.frame_hash for frame in spec_decoder.Decoder(data, MODELS).frames()]
     for start in range(6):
         assert [f.state.hash() for f in decode_sequence(target, start, start + 1)] == [all_frames[start]]

@@ -29,11 +29,12 @@ from dfcgs_codec.bitstream.constants import (
     ControlRule,
     IntraKind,
     OutputOrder,
+    Profile,
 )
 from dfcgs_codec.bitstream.frame_headers import IntraHeader
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
-from dfcgs_codec.encoder.options import MotionMode
+from dfcgs_codec.encoder.options import MotionMode, RefinementMode
 from dfcgs_codec.ply import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -41,6 +42,7 @@ sys.path.insert(0, str(ROOT))
 from tests import helpers  # noqa: E402
 
 FOLDER = ROOT / "tests" / "conformance"
+PAPER = EncoderOptions(profile=Profile.PAPER)
 Sequence = tuple[list[GaussianCloud], EncoderOptions]
 
 
@@ -129,6 +131,23 @@ def valid_sequences() -> dict[str, Sequence]:
         "topology_after_verbatim": (
             helpers.succeeding(_minute(200), 3),
             EncoderOptions(intra=IntraKind.PLY, control_rule=ControlRule.STRIDE, control_spacing=9),
+        ),
+        "paper": (helpers.swaying(helpers.real_cloud(900), 4), PAPER),
+        "paper_coarse_sh3": (
+            helpers.swaying(helpers.make_cloud(400, 3), 3, 0.8),
+            replace(PAPER, latent_step=2, control_spacing=60, num_neighbours=24),
+        ),
+        "paper_fine_by_stride": (
+            helpers.swaying(helpers.make_cloud(500), 7, 0.3),
+            replace(PAPER, latent_step=0.25, control_rule=ControlRule.STRIDE, control_spacing=60, gof_size=5),
+        ),
+        "paper_refined": (
+            helpers.swaying(helpers.real_cloud(400), 3),
+            replace(PAPER, refinement=RefinementMode.ON, qp=20),
+        ),
+        "paper_refined_after_verbatim": (
+            helpers.all_changing(helpers.make_cloud(60, 1), 3),
+            replace(PAPER, refinement=RefinementMode.ON, intra=IntraKind.PLY),
         ),
         "odd_rate": (
             helpers.still(helpers.make_cloud(5), 2),
@@ -248,6 +267,28 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
     }
 
 
+def faulty_paper_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
+    """Files of profile PAPER that cannot be; in `valid` frames move by latents and nothing else."""
+    chunks = helpers.split_chunks(valid)
+    tools = 16
+    other = replace(chunks[0], payload=chunks[0].payload[:-1] + bytes([chunks[0].payload[-1] ^ 1]))
+    return {
+        "another_model": (helpers.join_chunks([other, *chunks[1:]]), "ModelMismatch"),
+        "missing_hyperprior": (_without(valid, ChunkType.HYPERPRIOR), "CorruptBitstream"),
+        "missing_latents": (_without(valid, ChunkType.MOTION), "CorruptBitstream"),
+        "main_tool_in_paper": (
+            _chunks_with(valid, _in_chunk(ChunkType.INTER_FRAME, tools, 1)),
+            "CorruptBitstream",
+        ),
+        "attributes_in_paper": (
+            _chunks_with(valid, _in_chunk(ChunkType.INTER_FRAME, tools + 1, 1)),
+            "CorruptBitstream",
+        ),
+        "fewer_latents": (_chunks_with(valid, _in_chunk(ChunkType.MOTION, 0, 3)), "CorruptBitstream"),
+        "latent_step_too_large": (_chunks_with(valid, _in_chunk(ChunkType.MOTION, 1, 14)), "LimitExceeded"),
+    }
+
+
 def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
     """Damaged or foreign files, made from a valid one, and the error that each must give."""
     flipped = bytearray(valid)
@@ -262,14 +303,14 @@ def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
         "text_mode": (valid.replace(b"\r\n", b"\n", 1), "NotADgsFile"),
         "foreign_glps": (b"glps" + valid[4:], "NotADgsFile"),
         "trailing_bytes": (valid + b"more", "CorruptBitstream"),
-        "version_4": (_chunks_with(valid, _in_chunk(header, 0, 4)), "UnsupportedBitstream"),
+        "version_5": (_chunks_with(valid, _in_chunk(header, 0, 5)), "UnsupportedBitstream"),
         "version_200": (_chunks_with(valid, _in_chunk(header, 0, 200)), "UnsupportedBitstream"),
         "unknown_profile": (_chunks_with(valid, _in_chunk(header, 1, 9)), "UnsupportedBitstream"),
-        "paper_profile": (_chunks_with(valid, _in_chunk(header, 1, 1)), "UnsupportedBitstream"),
+        "paper_profile": (_chunks_with(valid, _in_chunk(header, 1, 1)), "ModelMismatch"),
         "unknown_level": (_chunks_with(valid, _in_chunk(header, 2, 200)), "UnsupportedBitstream"),
         "sh_degree_4": (_chunks_with(valid, _in_chunk(header, 3, 4)), "LimitExceeded"),
         "unknown_critical_chunk": (_with_chunk(valid, 0x33), "UnsupportedBitstream"),
-        "hyperprior_chunk": (_with_chunk(valid, ChunkType.HYPERPRIOR), "UnsupportedBitstream"),
+        "hyperprior_chunk": (_with_chunk(valid, ChunkType.HYPERPRIOR), "CorruptBitstream"),
         "misplaced_topology": (_with_chunk(valid, ChunkType.TOPOLOGY), "CorruptBitstream"),
         "misplaced_motion": (_with_chunk(valid, ChunkType.MOTION), "CorruptBitstream"),
         "wrong_hash": (_chunks_with(valid, _in_chunk(ChunkType.INTRA_FRAME, 0, 0xAA)), "VerificationError"),
@@ -316,6 +357,7 @@ def _make_valid(expected: dict[str, object]) -> None:
 def _make_faulty(expected: dict[str, object]) -> None:
     plain, moving = _read("skipped_frames_sh0"), _read("input_order_sh1")
     streams = faulty_streams(plain) | more_faulty_streams(plain, moving)
+    streams |= faulty_paper_streams(_read("paper"))
     for name, (data, error) in streams.items():
         if name not in expected:
             (FOLDER / "faulty" / f"{name}.dgs").write_bytes(data)

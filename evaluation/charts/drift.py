@@ -22,7 +22,7 @@ _WINDOW = 9
 
 def chart(scenes: dict[str, Any]) -> None:
     """PSNR minus that of all-intra coding at the same QP, frame by frame."""
-    figure = Figure(figsize=(11, 3.6))
+    figure = Figure(figsize=(11, 4))
     panels = figure.subplots(1, len(scenes), squeeze=False, sharey=True)[0]
     data: dict[str, Any] = {}
     for axes, (name, scene) in zip(panels, scenes.items(), strict=True):
@@ -40,6 +40,6 @@ def chart(scenes: dict[str, Any]) -> None:
         axes.axhline(0, color="#555555", lw=0.8)
         axes.set_title(name)
         axes.set_xlabel("frame")
-        axes.legend(fontsize=7, loc="lower left")
+        axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)
     panels[0].set_ylabel("PSNR minus all-intra, dB")
     write_chart("drift", figure, data)

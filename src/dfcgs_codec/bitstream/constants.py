@@ -8,7 +8,7 @@ from typing import NamedTuple
 MAGIC = b"\x89DGS\r\n\x1a\n"
 #: first bytes of another package's `.dgs` files (dgs-py: one static scene with linear velocities)
 FOREIGN_MAGIC = b"glps"
-BITSTREAM_VERSION = 5
+BITSTREAM_VERSION = 6
 
 #: chunk types with this bit set may be skipped when unknown
 ANCILLARY_BIT = 0x80
@@ -36,6 +36,8 @@ MAX_CONTROL_SHIFT = 31
 MAX_TEMPORAL_WEIGHT = 4
 #: Gaussians that a control point's motion is spread over
 MAX_NEIGHBOURS = 128
+#: log2 of the step q' of motion latents
+MIN_LATENT_STEP_LOG2, MAX_LATENT_STEP_LOG2 = -4, 6
 #: largest magnitude of the log2 of the width of a cell, in the distance over which motion fades by e
 MAX_DECAY_EXPONENT = 28
 
@@ -97,6 +99,8 @@ class Tool(IntEnum):
     MOTION = 0
     TOPOLOGY = 1
     VISIBILITY = 2
+    LATENT = 3
+    REFINEMENT = 4
 
 
 class Attribute(IntEnum):
@@ -122,6 +126,13 @@ STATE_COLUMNS = {
     Attribute.SH_1: 9,
     Attribute.SH_2: 15,
     Attribute.SH_3: 21,
+}
+
+
+#: tools that P-frames of a profile may use
+PROFILE_TOOLS = {
+    Profile.MAIN: frozenset({Tool.MOTION, Tool.TOPOLOGY, Tool.VISIBILITY}),
+    Profile.PAPER: frozenset({Tool.LATENT, Tool.REFINEMENT}),
 }
 
 

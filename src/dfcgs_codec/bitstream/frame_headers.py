@@ -11,10 +11,12 @@ from dfcgs_codec.bitstream.constants import (
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
     MIN_BLOCK_LOG2,
+    PROFILE_TOOLS,
     STATE_LIMIT,
     Attribute,
     ControlRule,
     IntraKind,
+    Profile,
     Tool,
 )
 from dfcgs_codec.bitstream.fields import at_most, read_bounded, read_enum
@@ -159,6 +161,8 @@ def _read_block_log2(reader: ByteReader) -> int:
 class InterHeader:
     """Payload of an INTER_FRAME chunk; without tools and steps the frame repeats its reference.
 
+    `block_log2` 0: there is none, for nothing is coded by blocks.
+
     `visibility`: with that tool the weight of each attribute that has steps at which they are as given,
     sixteenths of an octave.
     """
@@ -174,7 +178,7 @@ class InterHeader:
         writer.raw(self.frame_hash)
         writer.u8(sum(1 << tool for tool in self.tools))
         writer.u8(sum(1 << attribute for attribute in self.steps))
-        if self.steps or self.tools:
+        if self.block_log2 and (self.steps or self.tools):
             writer.u8(self.block_log2)
         write_steps(writer, self.steps)
         for attribute in sorted(self.visibility):
@@ -196,7 +200,10 @@ class InterHeader:
             raise CorruptBitstream(f"attribute_mask {mask:#x} names unknown attributes", offset=offset)
         if not mask and Tool.VISIBILITY in tools:
             raise CorruptBitstream("VISIBILITY without attributes", offset=offset)
-        if not mask and not tools:
+        if tools - PROFILE_TOOLS[sequence.profile] or (mask and sequence.profile == Profile.PAPER):
+            name = sequence.profile.name
+            raise CorruptBitstream(f"tools or attributes that profile {name} does not have", offset=offset)
+        if sequence.profile == Profile.PAPER or (not mask and not tools):
             return InterHeader(frame_hash, tools, 0, {})
         block_log2, steps = _read_block_log2(reader), read_steps(reader, present)
         visibility = {}

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 from dfcgs_codec.bitstream.constants import (
     MAX_DECAY_EXPONENT,
+    MAX_LATENT_STEP_LOG2,
     MAX_NEIGHBOURS,
     MAX_TEMPORAL_WEIGHT,
+    MIN_LATENT_STEP_LOG2,
     ROTATION_FRACTION_BITS,
     STATE_LIMIT,
     STEREO_FRACTION_BITS,
@@ -103,3 +105,31 @@ class MotionHeader:
         bits = STEREO_FRACTION_BITS if spread is None else ROTATION_FRACTION_BITS
         turn = read_bounded(reader.uvarint, 1 << bits, "turn_step", reader)
         return MotionHeader(num_coded, weight, translation, turn, spread)
+
+
+@dataclass(frozen=True)
+class LatentHeader:
+    """How latents of `num_coded` control points are quantised, by 2**`step_log2`, and motion is spread.
+
+    MOTION chunk of profile PAPER (spec section 6.5).
+    """
+
+    num_coded: int
+    step_log2: int
+    spread: SpreadHeader
+
+    def write(self, writer: ByteWriter) -> None:
+        """All fields in order."""
+        writer.uvarint(self.num_coded)
+        writer.svarint(self.step_log2)
+        self.spread.write(writer)
+
+    @staticmethod
+    def read(reader: ByteReader) -> LatentHeader:
+        """Refuses steps out of range."""
+        count = reader.uvarint()
+        offset = reader.offset
+        step_log2 = reader.svarint()
+        if not MIN_LATENT_STEP_LOG2 <= step_log2 <= MAX_LATENT_STEP_LOG2:
+            raise LimitExceeded(f"latent_step_log2 is {step_log2}", offset=offset)
+        return LatentHeader(count, step_log2, SpreadHeader.read(reader))

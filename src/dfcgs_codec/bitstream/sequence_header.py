@@ -20,6 +20,8 @@ from dfcgs_codec.errors import CorruptBitstream, LimitExceeded, UnsupportedBitst
 _MAX_SH_DEGREE = 3
 _MAX_UNIT_EXPONENT = 60
 _MAX_MODEL_ID = 64
+_MAX_NETWORK_SCALE_EXPONENT = 23
+_NETWORK_COLOR_EXPONENTS = (-40, 21)
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,12 @@ class UnitExponents:
     scale: int
     opacity: int
     color: int
+
+    @property
+    def suit_networks(self) -> bool:
+        """Whether attributes fit 64 bits in the units that networks know (spec section 4.1)."""
+        low, high = _NETWORK_COLOR_EXPONENTS
+        return self.scale <= _MAX_NETWORK_SCALE_EXPONENT and low <= self.color <= high
 
     def write(self, writer: ByteWriter) -> None:
         """Four svarints."""
@@ -161,7 +169,10 @@ class SequenceHeader:
         if num_frames == 0 or rate[1] == 0:
             raise CorruptBitstream("no frames, or a frame rate with denominator 0", offset=offset)
         numbers = FrameNumbers.read(reader, num_frames)
+        offset = reader.offset
         units = UnitExponents.read(reader)
+        if profile == Profile.PAPER and not units.suit_networks:
+            raise LimitExceeded(f"unit exponents {units} are too far from 0 for a network", offset=offset)
         model_id, model_hash = _read_model(reader)
         return SequenceHeader(profile, level, sh_degree, order, rate, numbers, units, model_id, model_hash)
 

@@ -13,9 +13,9 @@ from typing import Any
 import click
 
 from dfcgs_codec.api import encode_sequence
-from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder
+from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder, Profile
 from dfcgs_codec.cli.progress import progress_bar
-from dfcgs_codec.encoder.options import EncoderOptions, MotionMode
+from dfcgs_codec.encoder.options import EncoderOptions, MotionMode, RefinementMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES, Bound
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import VerificationError
@@ -80,6 +80,9 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         control_rule=_CONTROL_RULES[values["control_points"]],
         control_spacing=values["control_spacing"],
         num_neighbours=values["control_neighbours"],
+        profile=Profile[values["profile"].upper()],
+        latent_step=values["latent_step"],
+        refinement=RefinementMode(values["refinement"]),
         visibility=values["steps"] == "visibility",
         intra=IntraKind[values["intra"].upper()],
         order=OutputOrder[values["order"].upper()],
@@ -137,7 +140,8 @@ def _summary(report: EncodeReport, target: Path) -> str:
     type=_GofSize(),
     default="auto",
     show_default=True,
-    help="Frames from one I-frame to the next, at most; auto: the encoder chooses, 60 at most.",
+    help="Frames from one I-frame to the next, at most; auto: the encoder chooses, 60 at most, "
+    "or 10 in profile paper.",
 )
 @click.option(
     "--motion",
@@ -168,7 +172,28 @@ def _summary(report: EncodeReport, target: Path) -> str:
     type=int,
     default=30,
     show_default=True,
-    help="Gaussians that a control point moves, with --compensation paper.",
+    help="Gaussians that a control point moves, with --compensation paper or --profile paper.",
+)
+@click.option(
+    "--profile",
+    type=click.Choice([profile.name.lower() for profile in Profile]),
+    default="main",
+    show_default=True,
+    help="paper: motion by the network of D-FCGS as published, GoFs of 10; for comparison.",
+)
+@click.option(
+    "--latent-step",
+    type=float,
+    default=1.0,
+    show_default=True,
+    help="q' of the paper, a power of two; with --profile paper.",
+)
+@click.option(
+    "--refinement",
+    type=click.Choice([mode.value for mode in RefinementMode]),
+    default="auto",
+    show_default=True,
+    help="Colour refinement, with --profile paper: where it brings colours nearer, or in every frame.",
 )
 @click.option(
     "--steps",

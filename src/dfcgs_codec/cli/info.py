@@ -33,10 +33,11 @@ def _summary(info: SequenceInfo) -> list[str]:
     rate = header.frame_rate[0] / header.frame_rate[1]
     values = info.as_dict()
     order = header.output_order.name.lower()
+    model = f", model {header.model_id}" if header.model_id else ""
     rows = {
         "frames": f"{header.num_frames} at {rate:g} per second",
         "Gaussians": f"{gaussians}, SH degree {header.sh_degree}, order {order}",
-        "bitstream": f"version {values['bitstream_version']}, profile {values['profile']}",
+        "bitstream": f"version {values['bitstream_version']}, profile {values['profile']}{model}",
         "encoder": info.encoder_info or "unknown",
         "size": f"{info.num_bytes} bytes, {info.num_bytes / header.num_frames:.0f} per frame",
         "against PLY": f"{values['compression_ratio']:.2f}x smaller",

@@ -22,6 +22,7 @@ from dfcgs_codec.codec.motion_field import FieldMotion, MotionField
 from dfcgs_codec.codec.reconstruct import scaled
 from dfcgs_codec.transform.control_points import CELL_LIMIT, control_cells, gather_from
 from dfcgs_codec.transform.morton import morton_keys
+from dfcgs_codec.transform.normalisation import Normalisation
 from dfcgs_codec.transform.rotation import ONE, from_stereo, multiply, normalise
 from dfcgs_codec.transform.spreading import Spreading, SpreadingSource, rows_of
 
@@ -185,11 +186,18 @@ class GofMotion:
 
 
 class ControlSource:
-    """The control points of a GoF, chosen when first asked for: what never moves never needs them."""
+    """What a GoF learns from its I-frame: control points, and where the scene is; found when asked for."""
 
     def __init__(self, positions: Plane, control: ControlHeader) -> None:
         self._positions, self._control = positions, control
         self._motion: GofMotion | None = None
+        self._normalisation: Normalisation | None = None
+
+    def normalisation(self) -> Normalisation:
+        """Where the scene is, by the positions of its I-frame."""
+        if self._normalisation is None:
+            self._normalisation = Normalisation.of(self._positions.wide())
+        return self._normalisation
 
     def motion(self) -> GofMotion:
         """The motion of the GoF before its first frame that moves; `positions` are those of its I-frame."""

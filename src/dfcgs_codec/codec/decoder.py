@@ -13,9 +13,28 @@ from dfcgs_codec.codec.dpb import FrameState, output
 from dfcgs_codec.codec.gof_decoder import GofDecoder
 from dfcgs_codec.errors import CorruptBitstream, UnsupportedBitstream
 from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.model.latent_model import LatentModel
+from dfcgs_codec.model.registry import model_of_stream
 
 #: chunks that stand behind others that announce them
-_PARTS = (ChunkType.SEQUENCE_HEADER, ChunkType.TOPOLOGY, ChunkType.MOTION, ChunkType.RESIDUAL)
+_PARTS = (
+    ChunkType.SEQUENCE_HEADER,
+    ChunkType.HYPERPRIOR,
+    ChunkType.TOPOLOGY,
+    ChunkType.MOTION,
+    ChunkType.RESIDUAL,
+)
+
+
+def _model_of(sequence: SequenceHeader) -> LatentModel | None:
+    """The model that the sequence needs; ModelMismatch where another is installed, or none."""
+    if sequence.profile == Profile.MAIN:
+        if sequence.model_id:
+            raise UnsupportedBitstream(
+                f"model {sequence.model_id!r} in profile MAIN: a newer decoder is needed"
+            )
+        return None
+    return model_of_stream(sequence.model_id, sequence.model_hash)
 
 
 @dataclass(frozen=True)
@@ -40,11 +59,7 @@ class SequenceDecoder:
         self.sequence = self.container.sequence
         self._check = check
         self._numbers = self.sequence.frame_numbers.expand()
-        if self.sequence.profile != Profile.MAIN or self.sequence.model_id:
-            raise UnsupportedBitstream(
-                f"profile {self.sequence.profile.name} with model {self.sequence.model_id!r}: "
-                "a newer decoder is needed"
-            )
+        self._model = _model_of(self.sequence)
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
         """Frames start..stop - 1 as far as there are, decoding from the GoF that holds `start`."""
@@ -70,7 +85,7 @@ class SequenceDecoder:
 
     def gof_frames(self, chunks: Iterator[ChunkHead]) -> Iterator[DecodedFrame]:
         """The frames whose chunks are given, beginning with an I-frame."""
-        gof = GofDecoder(self.container, self._check)
+        gof = GofDecoder(self.container, self._check, self._model)
         for head in chunks:
             if head.chunk_type in (ChunkType.INTRA_FRAME, ChunkType.INTER_FRAME):
                 if head.frame_index >= self.sequence.num_frames:
@@ -83,11 +98,7 @@ class SequenceDecoder:
                 self._side_chunk(head)
 
     def _side_chunk(self, head: ChunkHead) -> None:
-        """Check chunks without a frame; those that need a newer decoder refuse."""
-        if head.chunk_type == ChunkType.HYPERPRIOR:
-            raise UnsupportedBitstream(
-                f"chunk {ChunkType(head.chunk_type).name} needs a newer decoder", offset=head.offset
-            )
+        """Check chunks without a frame."""
         if head.chunk_type in _PARTS:
             raise CorruptBitstream("a chunk stands where it may not", offset=head.offset)
         self.container.payload(head)

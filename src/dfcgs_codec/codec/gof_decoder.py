@@ -10,7 +10,7 @@ from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.fields import at_most
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader
-from dfcgs_codec.bitstream.motion_header import MotionHeader
+from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.compensation import Carried
@@ -18,12 +18,14 @@ from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.inter import InterShape, InterSymbols, code_inter
 from dfcgs_codec.codec.intra import IntraShape, code_intra
+from dfcgs_codec.codec.latent_motion import LatentReference, code_hyper, code_latents
 from dfcgs_codec.codec.motion import NUM_MOTION_STREAMS, MotionSymbols, code_motion
 from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
 from dfcgs_codec.codec.symbol_reader import SymbolReader
 from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topology
 from dfcgs_codec.codec.verbatim import cloud_of_columns, code_verbatim, state_of
 from dfcgs_codec.errors import CorruptBitstream, VerificationError
+from dfcgs_codec.model.latent_model import LatentModel, latents_of
 
 
 class _Streams:
@@ -35,6 +37,12 @@ class _Streams:
         self._open: SymbolReader | None = None
         if sum(lengths) != reader.remaining:
             raise CorruptBitstream("stream lengths do not fill the payload", offset=reader.offset)
+
+    @staticmethod
+    def only(reader: ByteReader) -> SymbolReader:
+        """The coder of the stream that fills the rest of a payload."""
+        offset = reader.offset
+        return SymbolReader(reader.raw(reader.remaining), offset)
 
     def next(self) -> SymbolReader:
         """The next stream's coder."""
@@ -74,7 +82,8 @@ def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHead
 class GofDecoder:
     """Decodes the frames of one GoF in turn; holds what they leave behind."""
 
-    def __init__(self, container: ContainerReader, check: bool) -> None:
+    def __init__(self, container: ContainerReader, check: bool, model: LatentModel | None) -> None:
+        self._model = model
         self._container = container
         self._sequence = container.sequence
         self._check = check
@@ -97,6 +106,45 @@ class GofDecoder:
         reader = self._container.payload(head)
         header = InterHeader.read(reader, self._sequence)
         reader.expect_end("the P-frame header")
+        if self._model is not None:
+            state = self._latent(head, header, state, next_chunk)
+        else:
+            state = self._main(head, header, state, next_chunk)
+        return self._keep(state, header.frame_hash, head)
+
+    def _latent(
+        self, head: ChunkHead, header: InterHeader, state: GofState, next_chunk: Callable[[], ChunkHead]
+    ) -> GofState:
+        """The state after a P-frame of profile PAPER."""
+        assert self._model is not None
+        reference = LatentReference(self._model, state, self._sequence.unit_exponents)
+        frame = state.frame
+        if Tool.LATENT in header.tools:
+            hyper = None
+            if self._model.has_hyperprior:
+                chunk = self._open(head, next_chunk(), ChunkType.HYPERPRIOR)
+                coder, count = _Streams.only(chunk), len(reference.rows)
+                hyper = code_hyper(coder, None, self._model, count)
+                coder.finish()
+            chunk = self._open(head, next_chunk(), ChunkType.MOTION)
+            offset, latent = chunk.offset, LatentHeader.read(chunk)
+            if latent.num_coded != len(reference.rows):
+                raise CorruptBitstream(f"{latent.num_coded} control points have latents", offset=offset)
+            coder = _Streams.only(chunk)
+            mean, indices = self._model.distribution(hyper, reference.prior(reference.rows), latent.step_log2)
+            symbols = code_latents(coder, None, indices)
+            coder.finish()
+            frame = reference.moved(latent, latents_of(symbols, mean, latent.step_log2))
+        if Tool.REFINEMENT in header.tools:
+            if not self._model.has_refinement:
+                raise CorruptBitstream("REFINEMENT by a model without it", offset=head.offset)
+            frame = reference.refined(frame)
+        return state.after(frame, InterSymbols(), None)
+
+    def _main(
+        self, head: ChunkHead, header: InterHeader, state: GofState, next_chunk: Callable[[], ChunkHead]
+    ) -> GofState:
+        """The state after a P-frame of profile MAIN."""
         topology = None
         if Tool.TOPOLOGY in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.TOPOLOGY)
@@ -116,7 +164,7 @@ class GofDecoder:
         state = state.after(frame, symbols, carried)
         if topology is not None:
             state = topology.finish(state, header.block_log2)
-        return self._keep(state, header.frame_hash, head)
+        return state
 
     def _open(self, head: ChunkHead, chunk: ChunkHead, kind: ChunkType) -> ByteReader:
         """Payload of a chunk that belongs to the P-frame of `head`."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dfcgs_codec.bitstream.constants import BITSTREAM_VERSION, STATE_COLUMNS, Attribute, ChunkType
+from dfcgs_codec.bitstream.constants import BITSTREAM_VERSION, STATE_COLUMNS, Attribute, ChunkType, Profile
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader
-from dfcgs_codec.bitstream.motion_header import MotionHeader
+from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.errors import CorruptBitstream
@@ -124,6 +124,12 @@ def _topology(reader: ByteReader, head: ChunkHead, info: SequenceInfo) -> None:
     frame.num_gaussians += header.num_births - header.num_removals
 
 
+def _control_points(reader: ByteReader, profile: Profile) -> int:
+    if profile == Profile.PAPER:
+        return LatentHeader.read(reader).num_coded
+    return MotionHeader.read(reader, MAX_CONTROL_POINTS).num_coded
+
+
 def _collect(container: ContainerReader, info: SequenceInfo) -> None:
     numbers = info.header.frame_numbers.expand()
     attributes: list[Attribute] = []
@@ -145,8 +151,10 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
         elif kind == ChunkType.MOTION and info.frames:
             info.frames[-1].num_bytes += size
             info.frames[-1].attribute_bytes[kind.name] = size
-            points = MotionHeader.read(reader, MAX_CONTROL_POINTS).num_coded
-            info.frames[-1].control_points = points
+            info.frames[-1].control_points = _control_points(reader, info.header.profile)
+        elif kind == ChunkType.HYPERPRIOR and info.frames:
+            info.frames[-1].num_bytes += size
+            info.frames[-1].attribute_bytes[kind.name] = size
         elif kind == ChunkType.RESIDUAL and info.frames:
             info.frames[-1].num_bytes += size
             info.frames[-1].attribute_bytes |= {a.name: reader.uvarint() for a in attributes}

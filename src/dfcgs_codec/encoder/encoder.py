@@ -9,10 +9,10 @@ from typing import BinaryIO
 
 import numpy as np
 
-from dfcgs_codec.bitstream.constants import LEVELS, ChunkType, Profile
+from dfcgs_codec.bitstream.constants import LEVELS, MODEL_HASH_BYTES, ChunkType, Profile
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
-from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, EncoderOptions
+from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, PAPER_GOF_SIZE, EncoderOptions
 from dfcgs_codec.encoder.parallel import code_in_parallel
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.rate_control import plan_quantisation
@@ -20,6 +20,7 @@ from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import replace_when_whole
+from dfcgs_codec.model.registry import installed
 from dfcgs_codec.sequence import FrameSource
 
 #: called with (frames done, frames in all)
@@ -54,14 +55,17 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     first, _ = source.read(0)
     reach = float(np.abs(first.positions).max())
     quantisation = plan_quantisation(options.qp, options.bounds, first, reach)
+    model = None if options.profile == Profile.MAIN else installed(options.model_id)
     header = SequenceHeader(
-        profile=Profile.MAIN,
+        profile=options.profile,
         level=_level(max(counts), len(counts)),
         sh_degree=headers[0].sh_degree,
         output_order=options.order,
         frame_rate=(options.frame_rate.numerator, options.frame_rate.denominator),
         frame_numbers=FrameNumbers.of(source.numbers),
         unit_exponents=quantisation.units,
+        model_id="" if model is None else model.model_id,
+        model_hash=b"" if model is None else model.digest[:MODEL_HASH_BYTES],
     )
     return SequencePlan(header, quantisation, options, _anchors(counts))
 
@@ -69,6 +73,8 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
 def _segments(plan: SequencePlan) -> list[tuple[int, int]]:
     """First frame and end of each run that begins with an I-frame."""
     count, size = plan.header.num_frames, plan.options.gof_size
+    if size is None and plan.header.profile == Profile.PAPER:
+        size = PAPER_GOF_SIZE
     if size is None:
         # of about the same length, so that no I-frame serves a few frames only
         number = -(-count // AUTO_GOF_SIZE)
@@ -109,6 +115,11 @@ def _write(
         report.merge(segment.report)
         advance(len(report.frames))
     writer.finish()
+    if report.held_frames:
+        report.notes.append(
+            f"profile paper moves and turns Gaussians only: what else changed in {report.held_frames} frames "
+            "was left as in the I-frame before"
+        )
     report.num_bytes = writer.size
     return report
 

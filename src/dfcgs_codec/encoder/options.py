@@ -8,13 +8,25 @@ from enum import Enum
 from fractions import Fraction
 
 from dfcgs_codec._version import __version__
-from dfcgs_codec.bitstream.constants import MAX_NEIGHBOURS, Compensation, ControlRule, IntraKind, OutputOrder
+from dfcgs_codec.bitstream.constants import (
+    MAX_LATENT_STEP_LOG2,
+    MAX_NEIGHBOURS,
+    MIN_LATENT_STEP_LOG2,
+    Compensation,
+    ControlRule,
+    IntraKind,
+    OutputOrder,
+    Profile,
+)
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, QUALITIES, Bound
 from dfcgs_codec.errors import InputError
+from dfcgs_codec.model.registry import DEFAULT_MODEL
 
 MAX_GOF_SIZE = 1 << 16
 #: frames at most from one I-frame to the next where the encoder chooses
 AUTO_GOF_SIZE = 60
+#: the paper's L
+PAPER_GOF_SIZE = 10
 _MAX_RATE_TERM = 1 << 32
 
 
@@ -31,6 +43,23 @@ class MotionMode(Enum):
     ONLY = "only"
 
 
+class RefinementMode(Enum):
+    """Whether the model of profile PAPER changes the colours of P-frames."""
+
+    #: in frames whose colours come nearer to the input's
+    AUTO = "auto"
+    OFF = "off"
+    #: in every frame, as published
+    ON = "on"
+
+
+def _log2(value: float) -> float:
+    """log2 of a power of two, nan for anything else."""
+    if not 0 < value < math.inf or math.frexp(value)[0] != 0.5:
+        return math.nan
+    return math.frexp(value)[1] - 1
+
+
 @dataclass(frozen=True)
 class EncoderOptions:
     """Settings of one encode; InputError for values out of range.
@@ -43,6 +72,9 @@ class EncoderOptions:
     control point for `control_spacing` Gaussians (M of the paper);
     `visibility`: steps of residuals are coarser for what shows less;
     `jobs` processes.
+
+    With `profile` PAPER P-frames have motion by the network `model_id` and nothing else: `latent_step` is the
+    paper's q', a power of two, and a `gof_size` of None means its 10 frames.
     """
 
     qp: float = QUALITIES["medium"]
@@ -58,6 +90,10 @@ class EncoderOptions:
     control_rule: ControlRule = ControlRule.FARTHEST
     control_spacing: int = 70
     num_neighbours: int = 30
+    profile: Profile = Profile.MAIN
+    model_id: str = DEFAULT_MODEL
+    latent_step: float = 1.0
+    refinement: RefinementMode = RefinementMode.AUTO
     visibility: bool = True
     jobs: int = 1
 
@@ -75,6 +111,21 @@ class EncoderOptions:
             f"--control-neighbours {self.num_neighbours}: 1 to {MAX_NEIGHBOURS} was expected": (
                 1 <= self.num_neighbours <= MAX_NEIGHBOURS
             ),
+            f"--latent-step {self.latent_step}: a power of two, 1/16 to 64, was expected": (
+                MIN_LATENT_STEP_LOG2 <= _log2(self.latent_step) <= MAX_LATENT_STEP_LOG2
+            ),
+            "--motion, --compensation and --steps belong to --profile main; paper has its own motion": (
+                self.profile == Profile.MAIN
+                or (self.motion, self.compensation, self.visibility)
+                == (MotionMode.AUTO, Compensation.GATHER, True)
+            ),
+            "--latent-step and --refinement belong to --profile paper": (
+                self.profile == Profile.PAPER
+                or (self.latent_step, self.refinement) == (1.0, RefinementMode.AUTO)
+            ),
+            "--bound with --profile paper: its P-frames have no residual, so that no error can be bounded": (
+                not self.bounds or self.profile == Profile.MAIN
+            ),
             f"--jobs {self.jobs}: 1 or more was expected": self.jobs >= 1,
             f"zero_bin {self.zero_bin}: 0.5 to 1 was expected": 0.5 <= self.zero_bin <= 1.0,
         }
@@ -82,8 +133,15 @@ class EncoderOptions:
             if not fine or math.isnan(self.qp):
                 raise InputError(message)
 
+    @property
+    def latent_step_log2(self) -> int:
+        """log2 of `latent_step`."""
+        return int(_log2(self.latent_step))
+
     def describe(self) -> str:
         """The settings in one line, for the file's encoder information."""
+        if self.profile == Profile.PAPER:
+            return self._describe_paper()
         motion = self.motion.value + ("/spread" if self.compensation == Compensation.SPREAD else "")
         bounds = "".join(f" bound {bound.attribute}={bound.value:g}" for bound in self.bounds)
         return (
@@ -91,4 +149,13 @@ class EncoderOptions:
             f" motion={motion} control={self.control_rule.name.lower()}/{self.control_spacing}"
             f" steps={'visibility' if self.visibility else 'uniform'}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
+        )
+
+    def _describe_paper(self) -> str:
+        return (
+            f"dfcgs-codec {__version__} profile=paper model={self.model_id} qp={self.qp:g}"
+            f" gof_size={self.gof_size or PAPER_GOF_SIZE} latent_step={self.latent_step:g}"
+            f" control={self.control_rule.name.lower()}/{self.control_spacing}"
+            f" neighbours={self.num_neighbours} refinement={self.refinement.value}"
+            f" intra={self.intra.name.lower()} order={self.order.name.lower()}"
         )

@@ -102,12 +102,16 @@ class FrameRecord:
 
 @dataclass
 class EncodeReport:
-    """Frames, file size, measured errors, and notes about the input."""
+    """Frames, file size, measured errors, and notes about the input.
+
+    `held_frames`: P-frames whose profile kept what changed in the input besides position and rotation.
+    """
 
     frames: list[FrameRecord] = field(default_factory=list)
     errors: dict[str, ErrorStatistics] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     num_bytes: int = 0
+    held_frames: int = 0
 
     def add_frame(self, record: FrameRecord, errors: dict[str, ErrorStatistics]) -> None:
         """Record a frame and its errors."""
@@ -119,6 +123,7 @@ class EncodeReport:
         """Append the report of the following frames."""
         self.frames += other.frames
         self.notes += other.notes
+        self.held_frames += other.held_frames
         for name, statistics in other.errors.items():
             self.errors.setdefault(name, ErrorStatistics()).merge(statistics)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder
+from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder, Profile
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import (
     Planes,
@@ -29,12 +29,14 @@ from dfcgs_codec.encoder.frame_coding import (
 )
 from dfcgs_codec.encoder.identity import Members, Succession, found_members, same_members
 from dfcgs_codec.encoder.inter_coding import InterCoder, InterTask
+from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionHint
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.report import EncodeReport, FrameRecord
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.triage import is_tracked
 from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.model.registry import installed
 from dfcgs_codec.sequence import FrameSource
 from dfcgs_codec.transform.rotation import round_divide
 
@@ -43,6 +45,8 @@ Float64 = npt.NDArray[np.float64]
 
 #: a P-frame that costs more than this share of the last I-frame has an I-frame tried beside it
 _TRY_INTRA_SHARE = 0.7
+#: what P-frames of profile PAPER carry
+_CARRIED = (Attribute.POSITION, Attribute.ROTATION)
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,7 @@ class _Loop:
     """The closed loop after a frame: what was coded, who its Gaussians are, what they should have been.
 
     `planes` are those of the input, in its order; `moved` (N, 3): how far they went in one frame, or nan;
-    `hint`: what motion was best.
+    `hint`: what motion was best; `is_held`: attributes changed that P-frames of the profile do not carry.
     """
 
     coded: CodedFrame
@@ -95,6 +99,7 @@ class _Loop:
     intra_bytes: int
     moved: Float64 | None = None
     hint: MotionHint | None = None
+    is_held: bool = False
 
 
 class SegmentEncoder:
@@ -105,6 +110,9 @@ class SegmentEncoder:
         self._plan = plan
         self._targets = Targets(plan.header.unit_exponents)
         self._inter_coder = InterCoder(plan)
+        self._latent_coder: LatentCoder | None = None
+        if plan.header.profile == Profile.PAPER:
+            self._latent_coder = LatentCoder(plan, installed(plan.header.model_id))
         self._meter = ErrorMeter(plan.header.unit_exponents)
         self._anchors: dict[int, _Anchor] = {}
 
@@ -122,6 +130,7 @@ class SegmentEncoder:
                     ahead = beside.submit(self._read, index + 1)
                 segment.report.notes += frame.notes
                 loop = self._next(index, frame, loop)
+                segment.report.held_frames += loop.is_held
                 if loop.coded.kind == "I":
                     segment.gofs.append(CodedGof(index))
                 segment.gofs[-1].frames.append(loop.coded.data)
@@ -147,7 +156,7 @@ class SegmentEncoder:
             limit = _TRY_INTRA_SHARE * before.intra_bytes
             if is_tracked(before.cloud, cloud):
                 found.append(self._inter(index, (cloud, planes), before, same_members(before.members)))
-            if not found or len(found[0].coded.data) > limit:
+            if self._latent_coder is None and (not found or len(found[0].coded.data) > limit):
                 succession = found_members(before.members, before.cloud, cloud, before.moved)
                 if succession is not None:
                     found.append(self._inter(index, (cloud, planes), before, succession))
@@ -167,7 +176,12 @@ class SegmentEncoder:
         target_before = before.target if succession.all_survive else ordered(before.target, kept)
         same = (before.planes, before.target) if members is before.members else None
         task = InterTask(index, members.target(planes, same), target_before, state, births, before.hint)
-        coded, hint = self._inter_coder.code(task)
+        held = False
+        if self._latent_coder is not None:
+            coded, hint = self._latent_coder.code(index, task.target, task.before, state), None
+            held = any((task.target[a] != task.before[a]).any() for a in task.target if a not in _CARRIED)
+        else:
+            coded, hint = self._inter_coder.code(task)
         unit = 2.0**self._plan.header.unit_exponents.position
         went = task.target[Attribute.POSITION] - task.before[Attribute.POSITION]
         moved: Float64 = went.astype(np.float64) * unit
@@ -178,7 +192,7 @@ class SegmentEncoder:
             target = {a: np.concatenate([v, births.target[a]])[source] for a, v in target.items()}
             unknown = np.full((births.change.num_births, 3), np.nan)
             moved = np.concatenate([moved, unknown])[source]
-        return _Loop(coded, members, target, cloud, planes, before.intra_bytes, moved, hint)
+        return _Loop(coded, members, target, cloud, planes, before.intra_bytes, moved, hint, held)
 
     def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> _Loop:
         options, steps = self._plan.options, self._plan.steps

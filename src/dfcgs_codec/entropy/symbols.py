@@ -75,6 +75,18 @@ def code_escapes(coder: RangeCoder, values: Int64 | None, count: int) -> Int64:
     return result
 
 
+def code_escaping(
+    coder: RangeCoder, values: Int64 | None, groups: Groups, models: list[Model], reach: int
+) -> Int64:
+    """Signed integers; the models are of -reach..reach, and the ends are escapes, coded behind all."""
+    clipped = None if values is None else np.clip(values, -reach, reach) + reach
+    coded = code_with_models(coder, clipped, groups, models) - reach
+    rows = np.flatnonzero(np.abs(coded) == reach)
+    excess = None if values is None else np.abs(values[rows]) - reach
+    coded[rows] += np.sign(coded[rows]) * code_escapes(coder, excess, len(rows))
+    return coded
+
+
 def code_residuals(
     coder: RangeCoder, values: Int64 | None, contexts: npt.NDArray[np.integer], tables: Int64
 ) -> Int64:

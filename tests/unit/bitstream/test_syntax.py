@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -17,12 +18,15 @@ from dfcgs_codec.bitstream.constants import (
     MAX_BLOCK_LOG2,
     MAX_CONTROL_SHIFT,
     MAX_DECAY_EXPONENT,
+    MAX_LATENT_STEP_LOG2,
     MAX_NEIGHBOURS,
     MAX_OPACITY_EXPONENT,
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
     MAX_TEMPORAL_WEIGHT,
     MIN_BLOCK_LOG2,
+    MIN_LATENT_STEP_LOG2,
+    PROFILE_TOOLS,
     ROTATION_FRACTION_BITS,
     STATE_LIMIT,
     STEREO_FRACTION_BITS,
@@ -42,7 +46,7 @@ from dfcgs_codec.bitstream.frame_headers import (
 )
 from dfcgs_codec.bitstream.index import End, Index, IndexEntry
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
-from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
+from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.errors import BitstreamError, CorruptBitstream, LimitExceeded, UnsupportedBitstream
 
@@ -62,6 +66,9 @@ SMALL = SequenceHeader(
 )
 
 
+PAPER = replace(SMALL, profile=Profile.PAPER, model_id="paper", model_hash=bytes(8))
+
+
 @st.composite
 def frame_numbers(draw: st.DrawFn) -> FrameNumbers:
     runs, end = [], 0
@@ -75,6 +82,9 @@ def frame_numbers(draw: st.DrawFn) -> FrameNumbers:
 
 WIDE = st.integers(-60, 60)
 EXPONENTS = st.builds(UnitExponents, WIDE, WIDE, st.integers(-60, MAX_OPACITY_EXPONENT), WIDE)
+NETWORK_EXPONENTS = st.builds(
+    UnitExponents, WIDE, st.integers(-60, 23), st.integers(-60, MAX_OPACITY_EXPONENT), st.integers(-40, 21)
+)
 MODELS = st.one_of(
     st.just(("", b"")),
     st.tuples(
@@ -85,14 +95,15 @@ MODELS = st.one_of(
 
 @st.composite
 def sequence_headers(draw: st.DrawFn) -> SequenceHeader:
+    profile = draw(st.sampled_from(Profile))
     return SequenceHeader(
-        draw(st.sampled_from(Profile)),
+        profile,
         draw(st.sampled_from(sorted(LEVELS))),
         draw(DEGREES),
         draw(st.sampled_from(OutputOrder)),
         (draw(UINT32), draw(st.integers(1, 2**32 - 1))),
         draw(frame_numbers()),
-        draw(EXPONENTS),
+        draw(EXPONENTS if profile == Profile.MAIN else NETWORK_EXPONENTS),
         *draw(MODELS),
     )
 
@@ -122,6 +133,12 @@ MOTION_HEADERS = st.builds(
 )
 SPREAD_HEADERS = st.builds(
     SpreadHeader, st.integers(1, MAX_NEIGHBOURS), st.integers(-MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT)
+)
+LATENT_HEADERS = st.builds(
+    LatentHeader,
+    st.integers(0, 2**40),
+    st.integers(MIN_LATENT_STEP_LOG2, MAX_LATENT_STEP_LOG2),
+    SPREAD_HEADERS,
 )
 SPREAD_MOTION_HEADERS = st.builds(
     MotionHeader,
@@ -155,11 +172,21 @@ def intra_headers(draw: st.DrawFn) -> IntraHeader:
 @st.composite
 def inter_headers(draw: st.DrawFn) -> InterHeader:
     present = draw(st.sets(st.sampled_from(coded_attributes(SMALL.sh_degree))))
-    tools = frozenset(draw(st.sets(st.sampled_from(Tool)))) - (frozenset() if present else {Tool.VISIBILITY})
+    choice = st.sets(st.sampled_from(sorted(PROFILE_TOOLS[Profile.MAIN])))
+    tools = frozenset(draw(choice)) - (frozenset() if present else {Tool.VISIBILITY})
     block_log2 = draw(st.integers(MIN_BLOCK_LOG2, MAX_BLOCK_LOG2)) if present or tools else 0
     levels = sorted(present) if Tool.VISIBILITY in tools else []
     visibility = {a: draw(st.integers(-STATE_LIMIT, STATE_LIMIT)) for a in levels}
     return InterHeader(draw(HASHES), tools, block_log2, {a: draw(STEPS) for a in sorted(present)}, visibility)
+
+
+PAPER_INTER_HEADERS = st.builds(
+    InterHeader,
+    HASHES,
+    st.frozensets(st.sampled_from(sorted(PROFILE_TOOLS[Profile.PAPER]))),
+    st.just(0),
+    st.just({}),
+)
 
 
 @st.composite
@@ -180,6 +207,8 @@ STRUCTURES: dict[str, tuple[st.SearchStrategy[Any], Callable[[ByteReader, Any], 
     "SortGrid": (SORT_GRIDS, lambda r, _: SortGrid.read(r)),
     "IntraHeader": (intra_headers(), lambda r, _: IntraHeader.read(r, SMALL)),
     "InterHeader": (inter_headers(), lambda r, _: InterHeader.read(r, SMALL)),
+    "PaperInterHeader": (PAPER_INTER_HEADERS, lambda r, _: InterHeader.read(r, PAPER)),
+    "LatentHeader": (LATENT_HEADERS, lambda r, _: LatentHeader.read(r)),
     "SpreadHeader": (SPREAD_HEADERS, lambda r, _: SpreadHeader.read(r)),
     "MotionHeader": (st.one_of(MOTION_HEADERS, SPREAD_MOTION_HEADERS), lambda r, _: MotionHeader.read(r, 50)),
     "Index": (indices(), lambda r, _: Index.read(r, SMALL)),
@@ -378,6 +407,55 @@ def test_inter_header_refuses_levels_beyond_the_state(sign: int) -> None:
 def test_inter_header_refuses_block_sizes(block_log2: int) -> None:
     with pytest.raises(LimitExceeded, match="block_log2"):
         InterHeader.read(ByteReader(bytes(16) + bytes((0, 1, block_log2, 5))), SMALL)
+
+
+@pytest.mark.parametrize(
+    ("sequence", "data"),
+    [
+        (SMALL, (8, 0, 6)),
+        (SMALL, (16, 0, 6)),
+        (PAPER, (1, 0)),
+        (PAPER, (4, 1)),
+        (PAPER, (0, 1)),
+        (PAPER, (2, 0)),
+    ],
+)
+def test_inter_header_refuses_what_the_profile_does_not_have(
+    sequence: SequenceHeader, data: tuple[int, ...]
+) -> None:
+    with pytest.raises(CorruptBitstream, match=sequence.profile.name):
+        InterHeader.read(ByteReader(bytes(16) + bytes((*data, 5, 5, 5))), sequence)
+
+
+@pytest.mark.parametrize(
+    ("changes", "fine"),
+    [
+        ({}, True),
+        ({"scale": 23, "color": 21}, True),
+        ({"color": -40}, True),
+        ({"scale": 24}, False),
+        ({"color": 22}, False),
+        ({"color": -41}, False),
+    ],
+)
+def test_units_that_networks_cannot_take(changes: dict[str, int], fine: bool) -> None:
+    units = replace(SMALL.unit_exponents, **changes)
+    assert (
+        SequenceHeader.read(ByteReader(write(replace(SMALL, unit_exponents=units)))).unit_exponents == units
+    )
+    data = write(replace(PAPER, unit_exponents=units))
+    if fine:
+        assert SequenceHeader.read(ByteReader(data)).unit_exponents == units
+    else:
+        with pytest.raises(LimitExceeded, match="network"):
+            SequenceHeader.read(ByteReader(data))
+
+
+@pytest.mark.parametrize("step_log2", [MIN_LATENT_STEP_LOG2 - 1, MAX_LATENT_STEP_LOG2 + 1])
+def test_latent_header_refuses_steps(step_log2: int) -> None:
+    header = LatentHeader(10, step_log2, SpreadHeader(30, 2))
+    with pytest.raises(LimitExceeded, match="latent_step_log2"):
+        LatentHeader.read(ByteReader(write(header)))
 
 
 def test_inter_header_refuses_unknown_tools() -> None:

@@ -20,6 +20,7 @@ from dfcgs_codec.errors import (
     BitstreamError,
     CorruptBitstream,
     LimitExceeded,
+    ModelMismatch,
     UnsupportedBitstream,
     VerificationError,
 )
@@ -106,9 +107,9 @@ def test_a_residual_belongs_to_its_frame(chunks: list[Chunk]) -> None:
         decode(wrong)
 
 
-def test_reserved_chunks_need_a_newer_decoder(chunks: list[Chunk]) -> None:
-    with pytest.raises(UnsupportedBitstream, match="HYPERPRIOR"):
-        decode([*chunks[:5], Chunk(ChunkType.HYPERPRIOR, 1, b"future"), chunks[5]])
+def test_chunks_of_another_profile_are_refused(chunks: list[Chunk]) -> None:
+    with pytest.raises(CorruptBitstream, match="may not"):
+        decode([*chunks[:5], Chunk(ChunkType.HYPERPRIOR, 1, b"stray"), chunks[5]])
 
 
 def test_an_unknown_ancillary_chunk_changes_nothing(chunks: list[Chunk]) -> None:
@@ -175,11 +176,13 @@ def test_an_opacity_grid_too_coarse_for_its_knots_is_refused(chunks: list[Chunk]
         decode(with_payload(chunks, 0, writer.getvalue()))
 
 
-def test_paper_profile_and_models_need_another_decoder(chunks: list[Chunk]) -> None:
+def test_models_that_are_not_there_are_named(chunks: list[Chunk]) -> None:
     payload = bytearray(chunks[0].payload)
     payload[1] = 1
-    with pytest.raises(UnsupportedBitstream, match="PAPER"):
+    with pytest.raises(ModelMismatch, match="''"):
         decode(with_payload(chunks, 0, bytes(payload)))
+    with pytest.raises(ModelMismatch, match="future"):
+        decode(with_payload(chunks, 0, bytes(payload[:-1]) + b"\x06future" + bytes(8)))
     named = chunks[0].payload[:-1] + b"\x04main" + bytes(8)
     with pytest.raises(UnsupportedBitstream, match="main"):
         decode(with_payload(chunks, 0, named))

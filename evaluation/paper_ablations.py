@@ -1,0 +1,111 @@
+"""The tables of the paper on our scenes: `python -m evaluation.paper_ablations [--models FOLDER]`.
+
+Sensitivity to K, M and L; control points against none (every Gaussian its own motion); and models other than
+the one of the package: without hyperprior, prior or refinement, or with fewer bits. FOLDER holds them as
+`<name>.npz` (`python -m training.paper`); without it their rows stay as they were. Bytes and PSNR are those
+of P-frames; figures land in `evaluation/results/paper_ablations.json` after every scene.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from collections.abc import Sequence as Arguments
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from dfcgs_codec import EncoderOptions, GaussianCloud
+from dfcgs_codec.bitstream.constants import ControlRule
+from dfcgs_codec.encoder.options import RefinementMode
+from dfcgs_codec.model.registry import load_model, register
+from evaluation.assets import find_asset, has_asset
+from evaluation.bench import known_results
+from evaluation.paper_profile import NUM_FRAMES, PAPER, QP, measure
+from evaluation.quality import image
+from evaluation.record import write_result
+from evaluation.views import FEW, cameras
+from training.scenes.catalogue import scene as named_scene
+
+SCENES = ("knight_walk", "mage_fitted", "lumberjack_walk_noisy")
+LONG_FRAMES = 32
+#: with one control point a Gaussian there may be no more
+SMALL = 16_000
+SETTINGS: dict[str, EncoderOptions] = {
+    "default": PAPER,
+    "K = 60": replace(PAPER, num_neighbours=60),
+    "K = 120": replace(PAPER, num_neighbours=120),
+    "M = 140": replace(PAPER, control_spacing=140),
+    "M = 280": replace(PAPER, control_spacing=280),
+    "stride": replace(PAPER, control_rule=ControlRule.STRIDE),
+    "refinement in every frame": replace(PAPER, refinement=RefinementMode.ON),
+    "refinement off": replace(PAPER, refinement=RefinementMode.OFF),
+}
+#: on more frames
+LONG = {f"L = {size}": replace(PAPER, gof_size=size) for size in (4, 10, LONG_FRAMES)}
+#: on fewer Gaussians
+WITHOUT = {
+    "control points": PAPER,
+    "no control points": replace(PAPER, control_spacing=1, num_neighbours=1),
+}
+
+Figures = dict[str, Any]
+
+
+def _rows(
+    name: str, frames: list[GaussianCloud], settings: dict[str, EncoderOptions]
+) -> Iterator[tuple[str, Figures]]:
+    """Every setting on `frames`."""
+    views = cameras(name, FEW)
+    images = [[image(cloud, view) for view in views] for cloud in frames[1:]]
+    with tempfile.TemporaryDirectory() as folder:
+        for setting, options in settings.items():
+            row = measure(frames, images, views, options, Path(folder))
+            count = max(1, len(frames) - row["frame_types"].count("I"))
+            row["bytes_per_p"] = round(row["bytes_p"] / count, 1)
+            print(f"{name:22} {setting:26} {row['bytes_per_p']:9} {row['psnr']:.3f} dB", flush=True)
+            yield setting, row
+
+
+def _models(folder: Path | None) -> dict[str, EncoderOptions]:
+    """Settings of the models in a folder, which become known to the codec."""
+    found = {}
+    for path in sorted(folder.glob("*.npz")) if folder else []:
+        model = load_model(path)
+        register(model)
+        mode = RefinementMode.ON if model.has_refinement else RefinementMode.OFF
+        found[f"model {path.stem}"] = replace(PAPER, model_id=model.model_id)
+        found[f"model {path.stem}, refined"] = replace(PAPER, model_id=model.model_id, refinement=mode)
+    return found
+
+
+def main(arguments: Arguments[str] | None = None) -> None:
+    """Run and write the result after every scene."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--models", type=Path, help="folder of further models")
+    parser.add_argument("--scenes", nargs="*", default=list(SCENES), help="only these")
+    parser.add_argument("--only-models", action="store_true", help="leave the other rows as they are")
+    args = parser.parse_args(arguments)
+    results = known_results("paper_ablations")
+    for name in args.scenes:
+        scene = named_scene(name)
+        if not has_asset(scene.asset):
+            continue
+        asset = find_asset(scene.asset)
+        frames = list(islice(scene.frames(asset), LONG_FRAMES))
+        rows = results.setdefault(name, {})
+        settings = {} if args.only_models else SETTINGS
+        rows.update(_rows(name, frames[:NUM_FRAMES], settings | _models(args.models)))
+        if not args.only_models:
+            rows.update(_rows(name, frames, LONG))
+            if scene.num_gaussians is not None:
+                small = replace(scene, num_gaussians=SMALL).frames(asset)
+                rows.update(_rows(name, list(islice(small, NUM_FRAMES)), WITHOUT))
+        path = write_result("paper_ablations", {"frames": NUM_FRAMES, "qp": QP, "views": FEW}, results)
+    print(path)
+
+
+if __name__ == "__main__":
+    main()

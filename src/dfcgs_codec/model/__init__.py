@@ -1,0 +1,1 @@
+"""Frozen networks in integer arithmetic, and their weights."""

@@ -1,0 +1,137 @@
+"""P-frames of profile PAPER: the walk, what moves, what is refined."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dfcgs_codec.bitstream.constants import Attribute, ControlRule
+from dfcgs_codec.bitstream.frame_headers import ControlHeader
+from dfcgs_codec.bitstream.motion_header import LatentHeader, SpreadHeader
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.codec.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.latent_motion import LatentReference, appearance_of, code_hyper, code_latents
+from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.codec.verbatim import state_of
+from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.model.latent_model import LatentModel, latents_of
+from tests.helpers import make_cloud
+from tests.latent_models import random_model
+
+UNITS = UnitExponents(-14, -12, -14, -12)
+STEPS = dict.fromkeys(Attribute, 16)
+
+
+def state(count: int = 600, sh_degree: int = 2) -> GofState:
+    planes = state_of(make_cloud(count, sh_degree, 3), UNITS).planes
+    setup = GofSetup(ControlHeader(ControlRule.FARTHEST, 10, 3), UNITS)
+    return GofState.of_intra(FrameState(planes), setup, STEPS)
+
+
+def reference(model: LatentModel | None = None, sh_degree: int = 2) -> LatentReference:
+    return LatentReference(model or random_model(), state(sh_degree=sh_degree), UNITS)
+
+
+HEADER = LatentHeader(60, 0, SpreadHeader(30, -10))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_latents_come_back(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    model = random_model(seed=seed)
+    hyper = rng.normal(0, 12, (50, 16)).astype(np.int64)
+    hyper[rng.random((50, 16)) < 0.02] *= 1000
+    coder = SymbolWriter()
+    code_hyper(coder, hyper, model, 50)
+    reader = SymbolReader(coder.getvalue())
+    np.testing.assert_array_equal(code_hyper(reader, None, model, 50), hyper)
+    reader.finish()
+    indices = rng.integers(0, 160, (50, 16))
+    symbols = np.rint(rng.normal(0, 2 ** ((indices - 26) / 6)) * 2).astype(np.int64)
+    coder = SymbolWriter()
+    code_latents(coder, symbols, indices)
+    reader = SymbolReader(coder.getvalue())
+    np.testing.assert_array_equal(code_latents(reader, None, indices), symbols)
+    reader.finish()
+
+
+def test_no_control_points_cost_nothing() -> None:
+    coder = SymbolWriter()
+    assert code_hyper(coder, np.zeros((0, 16), np.int64), random_model(), 0).shape == (0, 16)
+    assert code_latents(coder, np.zeros((0, 16), np.int64), np.zeros((0, 16), np.int64)).shape == (0, 16)
+    assert not coder.getvalue()
+
+
+@pytest.mark.parametrize("step_log2", [-4, -1, 0, 2, 6])
+def test_scale_indices_follow_the_step(step_log2: int) -> None:
+    model, rng = random_model(gain=60), np.random.default_rng(1)
+    prior, hyper = rng.integers(-20000, 20000, (40, 16)), rng.integers(-9, 9, (40, 16))
+    mean, indices = model.distribution(hyper, prior, 0)
+    other_mean, other = model.distribution(hyper, prior, step_log2)
+    np.testing.assert_array_equal(mean, other_mean)
+    inside = (indices > 0) & (indices < 159) & (other > 0) & (other < 159)
+    assert inside.any()
+    assert set((indices - other)[inside].tolist()) == {6 * step_log2}
+
+
+def test_a_latent_is_its_mean_and_whole_steps() -> None:
+    mean = np.array([[5, -70, 32000]])
+    assert latents_of(np.array([[0, 2, 100]]), mean, 1).tolist() == [[5, 2 * 128 - 70, 32767]]
+    assert latents_of(np.array([[-3, 1 << 40, -(1 << 40)]]), mean, -4).tolist() == [[-7, 32767, -32767]]
+
+
+def test_motion_is_spread_over_neighbours_only() -> None:
+    ref = reference()
+    latents = np.zeros((60, 16), np.int64)
+    latents[7] = 9000
+    still = ref.moved(HEADER, np.zeros_like(latents))
+    moved = ref.moved(HEADER, latents)
+    changed = (moved.planes[Attribute.POSITION].values != still.planes[Attribute.POSITION].values).any(axis=1)
+    assert 0 < changed.sum() <= 30
+    assert changed[ref.rows[7]]
+
+
+def test_motion_follows_the_size_of_the_scene() -> None:
+    """The same latents move a scene of twice the size twice as far."""
+    model = random_model()
+    small = state()
+    planes = dict(small.frame.planes)
+    planes[Attribute.POSITION] = type(planes[Attribute.POSITION])(planes[Attribute.POSITION].wide() * 2)
+    setup = GofSetup(ControlHeader(ControlRule.FARTHEST, 10, 4), UNITS)
+    large = GofState.of_intra(FrameState(planes), setup, STEPS)
+    latents = np.random.default_rng(1).integers(-3000, 3000, (60, 16))
+    went = []
+    for found, exponent in ((small, -10), (large, -10)):
+        ref = LatentReference(model, found, UNITS)
+        moved = ref.moved(LatentHeader(60, 0, SpreadHeader(30, exponent)), latents)
+        went.append(moved.planes[Attribute.POSITION].wide() - found.frame.planes[Attribute.POSITION].wide())
+    assert np.abs(went[0]).max() > 50
+    assert np.abs(went[1] - 2 * went[0]).max() <= 2
+
+
+@pytest.mark.parametrize("sh_degree", [0, 1, 2, 3])
+def test_appearance_has_56_columns(sh_degree: int) -> None:
+    frame = state(20, sh_degree).frame
+    found = appearance_of(frame, UNITS, 2)
+    assert found.shape == (20, 56)
+    known = 11 + (0, 9, 24, 45)[sh_degree]
+    assert found[:, known - 1].any()
+    assert not found[:, known:].any()
+    np.testing.assert_array_equal(found[:, 8:11], frame.planes[Attribute.SH_DC].wide())
+    scale = frame.planes[Attribute.SCALE].wide() / 2**12
+    np.testing.assert_allclose(found[:, :3] / 2**12, (scale - 2 * np.log(2)) / 4, atol=1e-3)
+
+
+@pytest.mark.parametrize("sh_degree", [0, 2])
+def test_refinement_changes_colours_above_degree_0_only(sh_degree: int) -> None:
+    ref = reference(sh_degree=sh_degree)
+    before = state(sh_degree=sh_degree).frame
+    after = ref.refined(before)
+    changed = {a for a in before.planes if (before.planes[a].values != after.planes[a].values).any()}
+    assert changed == ({Attribute.SH_1, Attribute.SH_2} if sh_degree else set())
+
+
+def test_the_prior_of_some_is_that_of_all() -> None:
+    ref = reference()
+    np.testing.assert_array_equal(ref.prior(ref.rows), ref.prior()[ref.rows])
