@@ -176,3 +176,13 @@ def test_fewer_bits_lose_more(exported, tmp_path):
     assert coarse_error > 5 * fine_error
     assert np.abs(coarse["analysis.1.weight"]).max() <= 127
     assert coarse["analysis.1.scale"][1] == 127
+
+
+def test_only_a_part_may_have_fewer_bits(exported, tmp_path):
+    run, path, arrays = exported
+    data = Data(path.parents[1])
+    coarse = weights_file.read_arrays(export_run(run, data, tmp_path / "part", (8, 10), "entropy"))
+    differs = {name.split(".")[0] for name in arrays if not np.array_equal(arrays[name], coarse[name])}
+    assert differs == {"hyper_synthesis", "grid_context", "appearance", "fusion"}
+    assert np.abs(coarse["fusion.1.weight"]).max() <= 127
+    assert coarse["fusion.1.scale"][1] == 511

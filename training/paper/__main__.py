@@ -14,6 +14,7 @@ import torch
 from dfcgs_codec.errors import InputError
 from training.paper.config import STAGES, Config
 from training.paper.data import Data
+from training.paper.nets import ABLATIONS, PARTS
 from training.paper.prepare import prepare
 from training.paper.train import CHECKPOINT, Run, check_ablations, config_of_minutes, train
 
@@ -39,6 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
     export.add_argument("--out", type=Path, required=True, help="folder of the two files")
     export.add_argument("--weight-bits", type=int, default=16)
     export.add_argument("--activation-bits", type=int, default=16)
+    export.add_argument("--part", choices=PARTS, default="all", help="networks that have so few bits")
     report = commands.add_parser("report", help="figures by sequence, float and integer, as JSON")
     report.add_argument("run", type=Path)
     report.add_argument("--model", type=Path, help="NAME.npz of the exported model")
@@ -56,9 +58,7 @@ def _add_train(command: argparse.ArgumentParser) -> None:
     command.add_argument("--rate-weight", type=float, default=Config.rate_weight)
     command.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out")
     command.add_argument("--from", dest="start", type=Path, help="fine-tune the networks of this checkpoint")
-    command.add_argument(
-        "--without", action="append", default=[], metavar="PART", help="hyperprior, prior or refinement"
-    )
+    command.add_argument("--without", action="append", default=[], metavar="PART", help=", ".join(ABLATIONS))
 
 
 def _begin(args: argparse.Namespace, data: Data) -> Run:
@@ -97,6 +97,7 @@ def _export(args: argparse.Namespace) -> None:
         Data(args.data),
         args.out / args.model_id,
         (args.weight_bits, args.activation_bits),
+        args.part,
     )
     print(f"{path}: {path.stat().st_size} bytes", file=sys.stderr)
 

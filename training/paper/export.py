@@ -21,7 +21,7 @@ from training.paper.coding import closed_loop, frame_prior
 from training.paper.data import Data
 from training.paper.factorised import FactorisedModel
 from training.paper.integers import EXACT, HYPER_REACH, IntegerLayer
-from training.paper.nets import ACTIVATION_LIMIT, GRID_BITS, GRID_LIMIT, LEAKY_SHIFT, Net, PaperModel
+from training.paper.nets import ACTIVATION_LIMIT, GRID_BITS, GRID_LIMIT, LEAKY_SHIFT, PARTS, Net, PaperModel
 from training.paper.train import Run
 
 Arrays = dict[str, npt.NDArray[Any]]
@@ -29,6 +29,8 @@ Int16 = npt.NDArray[np.int16]
 #: hidden activations seen on training data are at most 1 / this of their limit
 HEAD_ROOM = 2.0
 NUM_CALIBRATION_GOFS = 24
+#: of weights and of hidden activations, sign included
+FULL_BITS = (16, 16)
 _MAX_WEIGHT_FRACTION = 24
 _CDF_BITS = 32
 
@@ -123,12 +125,14 @@ def hyper_frequencies(model: FactorisedModel) -> npt.NDArray[np.int32]:
     return np.array(rows, np.int32)
 
 
-def integer_arrays(model: PaperModel, data: Data, bits: tuple[int, int] = (16, 16)) -> Arrays:
-    """All arrays of the file."""
+def integer_arrays(
+    model: PaperModel, data: Data, bits: tuple[int, int] = FULL_BITS, part: str = "all"
+) -> Arrays:
+    """All arrays of the file; networks that are not of the `part` keep 16 bits."""
     ranges = hidden_ranges(model, data)
     arrays: Arrays = {}
     for name, net in model.nets.items():
-        layers = integer_layers(net, ranges[name], bits)
+        layers = integer_layers(net, ranges[name], bits if name in PARTS[part] else FULL_BITS)
         _check_sums(name, net, layers)
         for index, layer in enumerate(layers):
             arrays[f"{name}.{index}.weight"] = layer.weight
@@ -172,14 +176,16 @@ def _commit() -> str:
     return done.stdout.strip() or "unknown"
 
 
-def export_run(run: Run, data: Data, target: Path, bits: tuple[int, int] = (16, 16)) -> Path:
+def export_run(
+    run: Run, data: Data, target: Path, bits: tuple[int, int] = FULL_BITS, part: str = "all"
+) -> Path:
     """Write `target`.npz and `target`.json; the path of the first."""
-    arrays = integer_arrays(run.model, data, bits)
+    arrays = integer_arrays(run.model, data, bits, part)
     about = {
         "model_id": target.name,
         "sha256": digest(arrays),
         "nets": _networks(run.model, arrays),
-        "bits": {"weights": bits[0], "activations": bits[1]},
+        "bits": {"weights": bits[0], "activations": bits[1], "of": part},
         "training": {
             "scenes": data.scenes,
             **run.config.as_dict(),

@@ -61,6 +61,12 @@ ABLATIONS = {
     "prior": ("grid_context", "appearance", "refinement"),
     "refinement": ("refinement",),
 }
+#: what predicts latents, and all that a decoder runs
+PARTS = {
+    "entropy": ("hyper_synthesis", "grid_context", "appearance", "fusion"),
+    "decoder": ("hyper_synthesis", "grid_context", "appearance", "fusion", "synthesis", "refinement"),
+    "all": tuple(SHAPES),
+}
 #: the first and last weights of these begin larger or smaller than usual: latents are in the hundreds where
 #: motion is in hundredths
 _GAINS = {
@@ -69,12 +75,6 @@ _GAINS = {
     "synthesis": (0.1, 1.0),
     "refinement": (1.0, 0.0),
 }
-
-
-#: small motion passes these beside large motion: in training their hidden layers have the noise of rounding,
-#: about a step of 16 bits with the head room of export
-_FINE = ("converter", "analysis")
-_HIDDEN_NOISE = 4.0 / ACTIVATION_LIMIT
 
 
 def rounded(values: Tensor, fraction_bits: int) -> Tensor:
@@ -99,7 +99,6 @@ class Net(nn.Module):
     def __init__(self, name: str) -> None:
         super().__init__()
         self.shape = SHAPES[name]
-        self.is_fine = name in _FINE
         widths = self.shape.widths
         self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(widths))
         self.register_buffer("damping", _damping(name, widths[0]), persistent=False)
@@ -115,10 +114,6 @@ class Net(nn.Module):
         values = values * self.damping
         for layer in self.layers[:-1]:
             values = leaky_relu(layer(values), 2.0**-LEAKY_SHIFT)
-            if self.training and self.is_fine:
-                values = values + (torch.rand_like(values) - 0.5) * (
-                    values.detach().abs().max() * _HIDDEN_NOISE
-                )
         values = self.layers[-1](values).clamp(-self.shape.limit, self.shape.limit)
         if self.training:
             return values + (torch.rand_like(values) - 0.5) * 2.0**-self.shape.output_bits

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import torch
 
 from dfcgs_codec.errors import InputError
-from training.paper.coding import closed_loop
+from training.paper.coding import closed_loop, frame_prior, latents_of
 from training.paper.config import HELD_BACK, STEPS
 from training.paper.gof import Gof
 from training.paper.integers import IntegerModel
@@ -46,6 +47,32 @@ def gof_figures(model: PaperModel, gof: Gof, step: float) -> dict[str, float]:
         "reached_ratio": sums["reached"][0] / (sums["reached"][1] + floor),
         "all_ratio": sums["all"][0] / (sums["all"][1] + floor),
     }
+
+
+def entropy_bits(integer: IntegerModel, model: PaperModel, gof: Gof, step: float) -> tuple[float, float]:
+    """Bits of the same latents of a GoF by the integer entropy model and by the float one it stands for."""
+    sample = sample_of(gof)
+    rows, look = sample.control, sample.look[sample.control]
+    # latents are those of the integer networks; what predicts them is float
+    same = copy.deepcopy(model.eval())
+    for name in ("analysis", "hyper_analysis"):
+        if integer.has(name):
+            same.nets[name] = integer.nets[name]
+    totals = [0.0, 0.0]
+    with torch.no_grad():
+        for _, reference, coded in closed_loop(integer, sample, torch.tensor([step])):
+            prior = frame_prior(same, reference[0][rows], reference[1][rows], look)
+            _, motion_bits, hyper_bits = latents_of(same, coded.motions, prior, torch.tensor([[step]]))
+            totals[0] += float(coded.motion_bits.sum() + coded.hyper_bits.sum())
+            totals[1] += float(motion_bits.sum() + hyper_bits.sum())
+    return totals[0], totals[1]
+
+
+def entropy_ratio(integer: IntegerModel, model: PaperModel, folder: Path, step: float) -> float:
+    """What the integers of the entropy model cost, over one GoF of each sequence."""
+    gofs = [Gof.load(path) for path in sorted(folder.glob("*.0.npz"))]
+    bits = np.sum([entropy_bits(integer, model, gof, step) for gof in gofs], axis=0)
+    return round(float(bits[0] / bits[1]), 6)
 
 
 def figures(model: PaperModel, folder: Path, step: float, most: int = 4) -> dict[str, dict[str, float]]:
@@ -87,6 +114,9 @@ def report_run(run: Run, folder: Path, model_file: Path | None, *, pictures: boo
         if "integer" in by_model:
             ratio = _mean_bits(by_model["integer"]) / _mean_bits(by_model["float"])
             by_model["integer_bits_over_float"] = round(ratio, 5)
+            by_model["of_the_same_latents"] = entropy_ratio(
+                models["integer"], run.model, folder, 2.0**step_log2
+            )
         found["steps"][str(step_log2)] = by_model
     if pictures:
         found["pictures"] = {name: _pictures(model, folder) for name, model in models.items()}
