@@ -14,7 +14,7 @@ from tests.training.paper_helpers import moving_clouds, small_gof  # noqa: E402
 from training.paper.config import HELD_BACK  # noqa: E402
 from training.paper.data import Data  # noqa: E402
 from training.paper.gof import Gof, normalisation  # noqa: E402
-from training.paper.prepare import choices, training_scenes  # noqa: E402
+from training.paper.prepare import Layout, choices, prepare_gof, training_scenes  # noqa: E402
 from training.scenes.catalogue import group  # noqa: E402
 
 
@@ -73,6 +73,13 @@ def test_control_points_are_their_own_nearest_and_weights_sum_to_one():
     assert np.array_equal(gof.neighbours[:, 0], gof.control)
     assert (gof.weights.sum(axis=1) == 1 << 16).all()
     assert gof.neighbours.shape == (10, 30)
+
+
+def test_every_gaussian_may_have_its_own_motion():
+    gof = prepare_gof(moving_clouds(90), 22.0, "+y", 0, Layout(control_spacing=1, num_neighbours=1))
+    assert sorted(gof.control.tolist()) == list(range(90))
+    assert np.array_equal(gof.neighbours[:, 0], gof.control)
+    assert (gof.weights == 1 << 16).all()
 
 
 def test_normalisation_puts_the_bulk_into_the_unit_cube():

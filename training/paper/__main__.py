@@ -15,7 +15,7 @@ from dfcgs_codec.errors import InputError
 from training.paper.config import STAGES, Config
 from training.paper.data import Data
 from training.paper.nets import ABLATIONS, PARTS
-from training.paper.prepare import prepare
+from training.paper.prepare import Layout, prepare
 from training.paper.train import CHECKPOINT, Run, check_ablations, config_of_minutes, train
 
 DATA = Path("out/paper/data")
@@ -32,7 +32,10 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--data", type=Path, default=DATA, help=f"prepared GoFs, default {DATA}")
     parser.add_argument("--threads", type=int, default=1, help="of torch, default 1")
     commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("prepare", help="make GoFs of the training scenes")
+    prepare = commands.add_parser("prepare", help="make GoFs of the training scenes")
+    prepare.add_argument("--gaussians", type=int, default=Layout.max_gaussians, help="of a GoF, at most")
+    prepare.add_argument("--control-spacing", type=int, default=Layout.control_spacing, help="M")
+    prepare.add_argument("--neighbours", type=int, default=Layout.num_neighbours, help="K")
     _add_train(commands.add_parser("train", help="train, or go on; prepares what is missing"))
     export = commands.add_parser("export", help="write the integer model of a run")
     export.add_argument("run", type=Path)
@@ -115,7 +118,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     torch.set_num_threads(args.threads)
     try:
         if args.command == "prepare":
-            for path in prepare(args.data):
+            layout = Layout(args.gaussians, args.control_spacing, args.neighbours)
+            for path in prepare(args.data, layout=layout):
                 print(path, file=sys.stderr)
         else:
             {"train": _train, "export": _export, "report": _report}[args.command](args)

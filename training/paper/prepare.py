@@ -30,16 +30,23 @@ from training.scenes.catalogue import Scene, group, scene
 
 Int64 = npt.NDArray[np.int64]
 
-#: K of the paper; its M, 70, is the codec's default
-NUM_NEIGHBOURS = 30
 #: frame steps, and QPs of I-frames, in turn; the number of GoFs of a sequence is that of the steps
 STRIDES = (1, -1, 2, 1, -2, 1, 3, -1)
 QPS = (28.0, 22.0, 34.0)
-#: a GoF has a random share of the Gaussians, at least this and at most so many
-MIN_SHARE, MAX_GAUSSIANS = 0.4, 24_000
+#: a GoF has a random share of the Gaussians, at least this
+MIN_SHARE = 0.4
 VIEW_ANGLES = ((20.0, 10.0), (110.0, 30.0), (200.0, 20.0), (290.0, 40.0))
 #: of the evaluation's 640 x 480 images
 IMAGE_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Gaussians of a GoF at most, how many there are to a control point (M), and how many it moves (K)."""
+
+    max_gaussians: int = 24_000
+    control_spacing: int = 70
+    num_neighbours: int = 30
 
 
 @dataclass(frozen=True)
@@ -80,14 +87,16 @@ def choices(num_frames: int, seed: int) -> list[GofChoice]:
     return found
 
 
-def _common(frames: list[tuple[GaussianCloud, Int64 | None]], choice: GofChoice) -> list[GaussianCloud]:
+def _common(
+    frames: list[tuple[GaussianCloud, Int64 | None]], choice: GofChoice, max_gaussians: int
+) -> list[GaussianCloud]:
     """The frames' Gaussians that all of them have, in the same order, a random share of them."""
     ids = [np.arange(cloud.num_gaussians) if ids is None else ids for cloud, ids in frames]
     common = ids[0]
     for some in ids[1:]:
         common = np.intersect1d(common, some)
     rng = np.random.default_rng(choice.seed)
-    count = min(MAX_GAUSSIANS, max(1, int(choice.share * len(common))))
+    count = min(max_gaussians, max(1, int(choice.share * len(common))))
     kept = np.sort(rng.choice(common, count, replace=False))
     clouds = []
     for (cloud, _), some in zip(frames, ids, strict=True):
@@ -106,9 +115,17 @@ def _decoded_first(plan: SequencePlan, planes: Planes) -> tuple[FrameState, Memb
     return reconstruct_intra(intra_symbols(target, steps, None), steps), members
 
 
-def prepare_gof(clouds: list[GaussianCloud], qp: float, up: str, num_views: int = len(VIEW_ANGLES)) -> Gof:
+def prepare_gof(
+    clouds: list[GaussianCloud],
+    qp: float,
+    up: str,
+    num_views: int = len(VIEW_ANGLES),
+    layout: Layout | None = None,
+) -> Gof:
     """A GoF of clouds whose index is identity."""
-    plan = plan_sequence(MemorySource(clouds), EncoderOptions(qp=qp, gof_size=1))
+    layout = layout or Layout()
+    options = EncoderOptions(qp=qp, gof_size=1, control_spacing=layout.control_spacing)
+    plan = plan_sequence(MemorySource(clouds), options)
     targets = Targets(plan.header.unit_exponents)
     planes = targets.planes(clouds[0])
     state, members = _decoded_first(plan, planes)
@@ -119,7 +136,7 @@ def prepare_gof(clouds: list[GaussianCloud], qp: float, up: str, num_views: int 
     centre, extent_log2 = normalisation(first[Attribute.POSITION])
     # distances in units of the normalised scene: networks do not see how large a scene unit is
     exponent = int(np.clip(motion.shift - extent_log2, -MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT))
-    spreading = motion.spreading.of(NUM_NEIGHBOURS, exponent, motion.origins)
+    spreading = motion.spreading.of(layout.num_neighbours, exponent, motion.origins)
     units = plan.header.unit_exponents
     images, cameras = _pictures(clouds, up, num_views)
     colours = [first[a] for a in (Attribute.SH_DC, *SH_BANDS) if a in first]
@@ -161,8 +178,9 @@ def _pictures(
     return np.array(images, np.float16), np.array(rows)
 
 
-def prepare(folder: Path, names: list[str] | None = None) -> Iterator[Path]:
+def prepare(folder: Path, names: list[str] | None = None, layout: Layout | None = None) -> Iterator[Path]:
     """Prepare what is not there yet; `<scene>.<number>.npz`."""
+    layout = layout or Layout()
     folder.mkdir(parents=True, exist_ok=True)
     for one in training_scenes(names):
         frames: list[tuple[GaussianCloud, Int64 | None]] = []
@@ -171,5 +189,6 @@ def prepare(folder: Path, names: list[str] | None = None) -> Iterator[Path]:
             if not path.exists():
                 frames = frames or list(one.frames_with_ids(find_asset(one.asset)))
                 picked = [frames[choice.first + i * choice.stride] for i in range(NUM_FRAMES)]
-                prepare_gof(_common(picked, choice), choice.qp, one.up).save(path)
+                clouds = _common(picked, choice, layout.max_gaussians)
+                prepare_gof(clouds, choice.qp, one.up, layout=layout).save(path)
             yield path
