@@ -46,10 +46,9 @@ SETTINGS: dict[str, EncoderOptions] = {
 #: on more frames
 LONG = {f"L = {size}": replace(PAPER, gof_size=size) for size in (4, 10, LONG_FRAMES)}
 #: on fewer Gaussians
-WITHOUT = {
-    "control points": PAPER,
-    "no control points": replace(PAPER, control_spacing=1, num_neighbours=1),
-}
+WITH_POINTS, WITHOUT_POINTS = "control points", "no control points"
+#: the model that was fine-tuned to move every Gaussian by itself
+DENSE = "dense"
 
 Figures = dict[str, Any]
 
@@ -69,10 +68,21 @@ def _rows(
             yield setting, row
 
 
+def _without(folder: Path | None) -> dict[str, EncoderOptions]:
+    """Control points and none; the latter needs a model of its own, for nothing is spread."""
+    if folder is None or not (folder / f"{DENSE}.npz").exists():
+        return {}
+    register(load_model(folder / f"{DENSE}.npz"))
+    dense = replace(PAPER, control_spacing=1, num_neighbours=1, model_id=DENSE)
+    return {WITH_POINTS: PAPER, WITHOUT_POINTS: dense}
+
+
 def _models(folder: Path | None) -> dict[str, EncoderOptions]:
     """Settings of the models in a folder, which become known to the codec."""
     found = {}
     for path in sorted(folder.glob("*.npz")) if folder else []:
+        if path.stem == DENSE:
+            continue
         model = load_model(path)
         register(model)
         mode = RefinementMode.ON if model.has_refinement else RefinementMode.OFF
@@ -100,9 +110,10 @@ def main(arguments: Arguments[str] | None = None) -> None:
         rows.update(_rows(name, frames[:NUM_FRAMES], settings | _models(args.models)))
         if not args.only_models:
             rows.update(_rows(name, frames, LONG))
-            if scene.num_gaussians is not None:
-                small = replace(scene, num_gaussians=SMALL).frames(asset)
-                rows.update(_rows(name, list(islice(small, NUM_FRAMES)), WITHOUT))
+        without = _without(args.models)
+        if without and scene.num_gaussians is not None:
+            small = replace(scene, num_gaussians=SMALL).frames(asset)
+            rows.update(_rows(name, list(islice(small, NUM_FRAMES)), without))
         path = write_result("paper_ablations", {"frames": NUM_FRAMES, "qp": QP, "views": FEW}, results)
     print(path)
 

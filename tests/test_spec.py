@@ -10,7 +10,6 @@ import hashlib
 import importlib
 import importlib.util
 import io
-import itertools
 import json
 import re
 import struct
@@ -798,9 +797,7 @@ def test_networks(
     arrays = random_arrays(seed, without=without, gain=40 * seed)
     monkeypatch.setattr(registry, "_registered", {})
     registry.register(LatentModel.of_arrays("random", arrays))
-    # the frame with motion is asked for first
-    asked = itertools.count()
-    monkeypatch.setattr(LatentCoder, "_distance", lambda *_: next(asked))
+    monkeypatch.setattr(LatentCoder, "_leads_nearer", lambda *_: True)
     frames = _sequence(np.random.default_rng(seed), 150, sh_degree)[:4]
     target = tmp_path / "random.dgs"
     options = EncoderOptions(profile=Profile.PAPER, model_id="random", **({"control_spacing": 15} | changes))

@@ -8,7 +8,6 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import (
     MAX_DECAY_EXPONENT,
     ROTATION_FRACTION_BITS,
-    STEREO_FRACTION_BITS,
     Attribute,
     ChunkType,
     Tool,
@@ -37,8 +36,12 @@ Float64 = npt.NDArray[np.float64]
 _OCTAVES = 12
 _SINE_BITS = 12
 _MOVING = (Attribute.POSITION, Attribute.ROTATION)
-#: a quaternion changes by about twice its stereographic vector
-_TURN_UNIT = 2 << (ROTATION_FRACTION_BITS - STEREO_FRACTION_BITS)
+#: a quaternion changes by half the angle, in 2**-24
+_HALF_ANGLE = 1 << (ROTATION_FRACTION_BITS - 1)
+#: motion mends at least so many times what it spoils
+_LEAST_GAIN = 2.0
+#: so that no float overflows: octaves of visibility, and the area of a point
+_MAX_WEIGHT, _LEAST_AREA = 512.0, 1e-300
 
 
 def frequency_encoding(values: Float64) -> Int64:
@@ -75,7 +78,7 @@ class LatentCoder:
         has_moved = any((target[a] != before[a]).any() for a in _MOVING)
         if has_moved:
             moved, data = self._moved(index, target, reference, state)
-            if self._distance(target, moved, state) < self._distance(target, frame, state):
+            if self._leads_nearer(target, moved, state):
                 frame, chunks = moved, data
                 tools.add(Tool.LATENT)
         refined = self._refined(target, frame, reference, state) if has_moved else frame
@@ -153,17 +156,44 @@ class LatentCoder:
         nearer = self._distance(target, refined, state, bands) < self._distance(target, frame, state, bands)
         return refined if nearer else frame
 
+    def _leads_nearer(self, target: Planes, moved: FrameState, state: GofState) -> bool:
+        """Whether motion is worth having: it mends clearly more of the image than it spoils.
+
+        Both by what splats differ, which bounds how wrong one can be, and by squared distances in sizes of
+        splats, which do not: a few that are flung far away may cover what all others show.
+        """
+        shown = np.exp2(np.minimum(state.visibility.weights(Attribute.SH_DC) / 16.0, _MAX_WEIGHT))
+        before, after = (self._misplacement(target, frame, state) for frame in (state.frame, moved))
+        mended = shown * (np.exp(-after / 4) - np.exp(-before / 4))
+        gained, lost = mended[mended > 0].sum(), -mended[mended < 0].sum()
+        return bool(gained > _LEAST_GAIN * lost and shown @ after < shown @ before)
+
+    def _misplacement(self, target: Planes, frame: FrameState, state: GofState) -> Float64:
+        """Squared distance (N,) of each splat from its target, in units of its area.
+
+        Two equal splats d apart differ by 1 - exp(-d**2 / 4 s**2) of their squares, s their deviation. A
+        turn counts as what it does to the longest axis.
+        """
+        units = self._plan.header.unit_exponents
+        axes = np.sort(np.exp(np.ldexp(state.frame.planes[Attribute.SCALE].values, units.scale)), axis=1)
+        middle, longest = axes[:, 1], axes[:, 2]
+        apart = (target[Attribute.POSITION] - frame.planes[Attribute.POSITION].values).astype(np.float64)
+        squares: Float64 = (apart**2).sum(axis=1) * 4.0**units.position
+        rotations = frame.planes[Attribute.ROTATION].values
+        turn = (_aligned(target[Attribute.ROTATION], rotations) - rotations) / float(_HALF_ANGLE)
+        squares += (turn**2).sum(axis=1) * (longest**2 - middle**2)
+        found: Float64 = squares / np.maximum(middle * longest, _LEAST_AREA)
+        return found
+
     def _distance(
-        self, target: Planes, frame: FrameState, state: GofState, attributes: list[Attribute] | None = None
+        self, target: Planes, frame: FrameState, state: GofState, attributes: list[Attribute]
     ) -> float:
         """Squared distance in quantiser steps, weighted by what the reference says of visibility."""
         total = 0.0
-        for attribute in attributes or _MOVING:
-            values, step = target[attribute], float(self._plan.steps[attribute])
-            if attribute == Attribute.ROTATION:
-                values = _aligned(values, frame.planes[attribute].values)
-                step *= _TURN_UNIT
-            squares = ((values - frame.planes[attribute].values) / step) ** 2
-            weights = np.exp2(np.minimum(state.visibility.weights(attribute) / 16.0, 512.0))
+        for attribute in attributes:
+            squares = (
+                (target[attribute] - frame.planes[attribute].values) / self._plan.steps[attribute]
+            ) ** 2
+            weights = np.exp2(np.minimum(state.visibility.weights(attribute) / 16.0, _MAX_WEIGHT))
             total += float(weights @ squares.sum(axis=1))
         return total
