@@ -93,6 +93,26 @@ def test_motion_is_used_only_where_it_leads_nearer(
     assert kind == "P" or not (first - second).any()
 
 
+@pytest.mark.parametrize(("flung", "kind"), [(0, "P"), (1, "skip")])
+def test_gaussians_that_are_flung_away_count_more_than_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flung: int, kind: str
+) -> None:
+    """All but one arrive at their targets; that one lands far away, where it may cover everything."""
+
+    def moved(self: LatentReference, header: object, latents: object) -> FrameState:
+        frame = self._state.frame
+        positions = frame.planes[Attribute.POSITION].wide() + 1000
+        positions[:flung] += 1 << 22
+        return replace(frame, planes=dict(frame.planes) | {Attribute.POSITION: Plane(positions)})
+
+    monkeypatch.setattr(LatentReference, "moved", moved)
+    cloud = make_cloud(100, 0, 3)
+    header = probe(encode(tmp_path, [cloud])[1]).header
+    step = np.float32(1000 * 2.0**header.unit_exponents.position)
+    report, _ = encode(tmp_path, [cloud, replace(cloud, positions=cloud.positions + step)])
+    assert [f.kind for f in report.frames] == ["I", kind]
+
+
 def test_gofs_have_ten_frames_unless_asked(tmp_path: Path) -> None:
     frames = moving(make_cloud(60, 0, 3), 12, 0.001)
     report, _ = encode(tmp_path, frames)
