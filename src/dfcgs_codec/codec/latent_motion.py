@@ -16,7 +16,7 @@ from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.symbols import SymbolCoder
 from dfcgs_codec.entropy.symbols import Groups, code_escaping, code_residuals
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape
-from dfcgs_codec.model.latent_model import HYPER_REACH, NUM_LATENTS, LatentModel, PriorInputs
+from dfcgs_codec.model.latent_model import HYPER_REACH, NUM_LATENTS, WIDTHS, LatentModel, PriorInputs
 from dfcgs_codec.transform.normalisation import Normalisation, shifted
 
 Int64 = npt.NDArray[np.int64]
@@ -46,7 +46,7 @@ def appearance_of(frame: FrameState, units: UnitExponents, log2_size: int) -> In
         *(shifted(plane.wide(), units.color + _APPEARANCE_BITS) for plane in colors),
     ]
     found = np.concatenate(columns, axis=1)
-    missing = np.zeros((len(found), 56 - found.shape[1]), np.int64)
+    missing = np.zeros((len(found), WIDTHS["appearance"][0] - found.shape[1]), np.int64)
     return np.concatenate([found, missing], axis=1)
 
 

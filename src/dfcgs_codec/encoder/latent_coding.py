@@ -35,13 +35,14 @@ Float64 = npt.NDArray[np.float64]
 #: octaves of FreqEnc, and fraction bits of its sines
 _OCTAVES = 12
 _SINE_BITS = 12
-_MOVING = (Attribute.POSITION, Attribute.ROTATION)
+#: what P-frames of the profile carry
+CARRIED = (Attribute.POSITION, Attribute.ROTATION)
 #: a quaternion changes by half the angle, in 2**-24
 _HALF_ANGLE = 1 << (ROTATION_FRACTION_BITS - 1)
 #: motion mends at least so many times what it spoils
 _LEAST_GAIN = 2.0
-#: so that no float overflows: octaves of visibility, and the area of a point
-_MAX_WEIGHT, _LEAST_AREA = 512.0, 1e-300
+#: so that no float overflows: octaves of visibility, and magnitude of log-scales
+_MAX_WEIGHT, _MAX_LOG_SCALE = 256.0, 100.0
 
 
 def frequency_encoding(values: Float64) -> Int64:
@@ -75,7 +76,7 @@ class LatentCoder:
         """
         reference = LatentReference(self._model, state, self._plan.header.unit_exponents)
         frame, chunks, tools = state.frame, b"", set()
-        has_moved = any((target[a] != before[a]).any() for a in _MOVING)
+        has_moved = any((target[a] != before[a]).any() for a in CARRIED)
         if has_moved:
             moved, data = self._moved(index, target, reference, state)
             if self._leads_nearer(target, moved, state):
@@ -103,8 +104,8 @@ class LatentCoder:
     def _latents(self, target: Planes, reference: LatentReference, state: GofState) -> Int64:
         """Latents y (n, 16): g_a of what the Converter makes of the difference of features."""
         rows = reference.rows
-        before = {a: state.frame.planes[a].values[rows].astype(np.int64) for a in _MOVING}
-        after = {a: target[a][rows] for a in _MOVING}
+        before = {a: state.frame.planes[a].values[rows].astype(np.int64) for a in CARRIED}
+        after = {a: target[a][rows] for a in CARRIED}
         after[Attribute.ROTATION] = _aligned(after[Attribute.ROTATION], before[Attribute.ROTATION])
         difference = self._features(after, reference) - self._features(before, reference)
         networks = self._model.networks
@@ -175,15 +176,16 @@ class LatentCoder:
         turn counts as what it does to the longest axis.
         """
         units = self._plan.header.unit_exponents
-        axes = np.sort(np.exp(np.ldexp(state.frame.planes[Attribute.SCALE].values, units.scale)), axis=1)
+        scales = np.ldexp(state.frame.planes[Attribute.SCALE].wide().astype(np.float64), units.scale)
+        axes = np.sort(np.exp(np.clip(scales, -_MAX_LOG_SCALE, _MAX_LOG_SCALE)), axis=1)
         middle, longest = axes[:, 1], axes[:, 2]
         apart = (target[Attribute.POSITION] - frame.planes[Attribute.POSITION].values).astype(np.float64)
         squares: Float64 = (apart**2).sum(axis=1) * 4.0**units.position
         rotations = frame.planes[Attribute.ROTATION].values
         turn = (_aligned(target[Attribute.ROTATION], rotations) - rotations) / float(_HALF_ANGLE)
         squares += (turn**2).sum(axis=1) * (longest**2 - middle**2)
-        found: Float64 = squares / np.maximum(middle * longest, _LEAST_AREA)
-        return found
+        squares /= middle * longest
+        return squares
 
     def _distance(
         self, target: Planes, frame: FrameState, state: GofState, attributes: list[Attribute]

@@ -49,7 +49,7 @@ class RefinementMode(Enum):
     #: in frames whose colours come nearer to the input's
     AUTO = "auto"
     OFF = "off"
-    #: in every frame, as published
+    #: in every frame that moves, as published
     ON = "on"
 
 

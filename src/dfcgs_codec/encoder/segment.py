@@ -29,7 +29,7 @@ from dfcgs_codec.encoder.frame_coding import (
 )
 from dfcgs_codec.encoder.identity import Members, Succession, found_members, same_members
 from dfcgs_codec.encoder.inter_coding import InterCoder, InterTask
-from dfcgs_codec.encoder.latent_coding import LatentCoder
+from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionHint
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.report import EncodeReport, FrameRecord
@@ -45,8 +45,6 @@ Float64 = npt.NDArray[np.float64]
 
 #: a P-frame that costs more than this share of the last I-frame has an I-frame tried beside it
 _TRY_INTRA_SHARE = 0.7
-#: what P-frames of profile PAPER carry
-_CARRIED = (Attribute.POSITION, Attribute.ROTATION)
 
 
 @dataclass(frozen=True)
@@ -179,7 +177,7 @@ class SegmentEncoder:
         held = False
         if self._latent_coder is not None:
             coded, hint = self._latent_coder.code(index, task.target, task.before, state), None
-            held = any((task.target[a] != task.before[a]).any() for a in task.target if a not in _CARRIED)
+            held = any((task.target[a] != task.before[a]).any() for a in task.target if a not in CARRIED)
         else:
             coded, hint = self._inter_coder.code(task)
         unit = 2.0**self._plan.header.unit_exponents.position

@@ -50,11 +50,6 @@ class HashGrid:
         if self.table.shape != (NUM_LEVELS, TABLE_SIZE, NUM_FEATURES) or self.table.dtype != np.int8:
             raise LayerError("the hash grid has another shape or type than the format's")
 
-    @property
-    def num_columns(self) -> int:
-        """Features of a place, all levels together."""
-        return NUM_LEVELS * NUM_FEATURES
-
     def read(self, normal: Int64) -> Int64:
         """Features (N, 24), 12 fraction bits, at normalised positions (N, 3)."""
         one = 1 << NORMAL_BITS

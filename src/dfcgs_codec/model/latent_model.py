@@ -62,10 +62,6 @@ class PriorInputs:
     normal: Int64
     appearance: Int64
 
-    def take(self, rows: Int64) -> PriorInputs:
-        """Those of some of the Gaussians."""
-        return PriorInputs(self.normal[rows], self.appearance[rows])
-
 
 @dataclass(frozen=True)
 class LatentModel:
