@@ -126,13 +126,14 @@ def known_results(result: str) -> dict[str, Any]:
 def _merged(old: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
     """New points, and of the old ones those of methods that this run left out, if the input is the same.
 
-    Points of methods that there are no more are dropped.
+    Points of methods that there are no more are dropped; methods stay in their usual order.
     """
     if old is None or old["input_sha256"] != new["input_sha256"]:
         return new
-    ran = {row["method"] for row in new["points"]}
-    left = {point.method for point in [*codec_points(), *baseline_points()]} - ran
-    return new | {"points": [*new["points"], *(r for r in old["points"] if r["method"] in left)]}
+    order = list(dict.fromkeys(point.method for point in [*codec_points(), *baseline_points()]))
+    left = set(order) - {row["method"] for row in new["points"]}
+    points = [*new["points"], *(row for row in old["points"] if row["method"] in left)]
+    return new | {"points": sorted(points, key=lambda row: order.index(row["method"]))}
 
 
 def main(arguments: Arguments[str] | None = None) -> None:

@@ -259,27 +259,31 @@ def motion_table() -> str:
     return _table([*head, "control points"], rows)
 
 
+def _ablation_cell(inter: float | None, file: float | None) -> str:
+    shown = ["-" if rate is None else f"{rate:+.1f}" for rate in (inter, file)]
+    return "no overlap" if inter is None and file is None else f"{' / '.join(shown)} %"
+
+
+def _mean_where_all(found: dict[str, Any], variant: str, key: str) -> str:
+    """Mean of a variant over the scenes on which the default has a figure; none if it lacks one of them."""
+    rates = [scene.get(variant, {}).get(key) for scene in found.values() if scene["default"][key] is not None]
+    known = [rate for rate in rates if rate is not None]
+    return _mean_rate(known).removesuffix(" %") if known and len(known) == len(rates) else "-"
+
+
 def ablation_table() -> str:
     """Bytes of P-frames and of whole files at equal PSNR of every variant against the default."""
     found = results("motion")
-    names = list(found)
     variants: dict[str, None] = {}
     for scene in found.values():
         variants |= dict.fromkeys(name for name in scene if name != "default")
     rows = []
     for variant in variants:
-        pairs = []
-        for name in names:
-            row = found[name].get(variant, {})
-            pairs.append((row.get("bd_rate_inter"), row.get("bd_rate_file")))
-        known = [(inter, file) for inter, file in pairs if inter is not None and file is not None]
-        cells = [
-            "no overlap" if inter is None or file is None else f"{inter:+.1f} / {file:+.1f} %"
-            for inter, file in pairs
-        ]
-        means = " / ".join(_mean_rate(list(rates)).removesuffix(" %") for rates in zip(*known, strict=True))
-        rows.append([variant, *cells, f"{means} %" if len(known) == len(pairs) else "-"])
-    return _table(["variant", *names, "mean"], rows)
+        scenes = [scene.get(variant, {}) for scene in found.values()]
+        cells = [_ablation_cell(row.get("bd_rate_inter"), row.get("bd_rate_file")) for row in scenes]
+        means = [_mean_where_all(found, variant, f"bd_rate_{part}") for part in ("inter", "file")]
+        rows.append([variant, *cells, "-" if set(means) == {"-"} else f"{' / '.join(means)} %"])
+    return _table(["variant", *found, "mean"], rows)
 
 
 def long_smooth_table() -> str:

@@ -130,6 +130,17 @@ def test_a_run_of_some_methods_keeps_the_figures_of_others() -> None:
     assert bench._merged(None, new) == new
 
 
+def test_methods_keep_their_order() -> None:
+    rows = [
+        {"method": "dfcgs", "bytes": 1},
+        {"method": "dfcgs_intra", "bytes": 2},
+        {"method": "spz", "bytes": 3},
+    ]
+    old = {"input_sha256": "a", "points": rows}
+    new = {"input_sha256": "a", "points": [{"method": "dfcgs_intra", "bytes": 4}]}
+    assert [p["bytes"] for p in bench._merged(old, new)["points"]] == [1, 4, 3]
+
+
 def test_every_scene_has_eight_views() -> None:
     from evaluation.views import cameras
     from training.scenes.catalogue import group

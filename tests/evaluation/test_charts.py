@@ -206,6 +206,9 @@ def test_table_of_ablations(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = tables.ablation_table().splitlines()
     assert lines[2] == "| stride | +100.0 / +21.0 % | -50.0 / +0.0 % | +0.0 / +10.0 % |"
     assert lines[3] == "| off | no overlap | no overlap | - |"
+    found["b"] = {name: {**row, "bd_rate_inter": None} for name, row in found["b"].items()}
+    lines = tables.ablation_table().splitlines()
+    assert lines[2] == "| stride | +100.0 / +21.0 % | - / +0.0 % | +100.0 / +10.0 % |"
 
 
 def test_table_of_compensation_rules(monkeypatch: pytest.MonkeyPatch) -> None:
