@@ -8,11 +8,12 @@ TRAIN_STAMP := $(VENV)/.installed-train
 # which torch to train with; CPU builds come from PyTorch's own index (see the README)
 TORCH ?= torch>=2.2,<2.15
 RUN := out/paper/run
+PRIOR := out/prior
 DEMO := out/demo
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval env-train demo test test-evaluation test-training train check format golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-identity bench-smooth drift stress allocation charts fitted
+.PHONY: help env env-eval env-train demo test test-evaluation test-training train train-prior check format golden clean \
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-identity bench-smooth drift stress allocation charts fitted
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -63,6 +64,12 @@ train: env-train ## train the model of profile paper anew (an hour; goes on wher
 	$(BIN)/python -m training.paper train --out $(RUN) --seed 1 $(if $(wildcard $(RUN)/checkpoint.pt),--resume,--minutes 60)
 	$(BIN)/python -m training.paper export $(RUN) --model-id paper-1 --out $(RUN)
 
+train-prior: env-train ## train the prior of profile main anew (half an hour; goes on where it stopped) and export it into out/
+	$(BIN)/python -m training.prior --recordings $(PRIOR)/first record
+	$(BIN)/python -m training.prior --recordings $(PRIOR)/first train --out $(PRIOR)/first-1 --steps 1500
+	$(BIN)/python -m training.prior --recordings $(PRIOR)/second record --model $(PRIOR)/first-1.npz
+	$(BIN)/python -m training.prior --recordings $(PRIOR)/second train --out $(PRIOR)/main-1 --steps 8000
+
 check: $(STAMP) ## lint, types, import floors
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -95,6 +102,9 @@ bench-compensation: env-eval ## motion without residual: the main rule, the pape
 bench-paper: env-eval ## profile paper against main, and the paper's tables (an hour)
 	$(BIN)/python -m evaluation.paper_profile
 	$(BIN)/python -m evaluation.paper_ablations
+
+bench-prior: env-eval ## what the frozen prior of profile main is worth: bytes of every stream with it and without (half an hour)
+	$(BIN)/python -m evaluation.prior
 
 bench-smooth: env-eval ## smooth scenes of 60 frames against quantised delta + zstd (an hour)
 	$(BIN)/python -m evaluation.long_smooth

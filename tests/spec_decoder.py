@@ -287,14 +287,16 @@ class RangeDecoder:
             values[i] = self.decode(models[contexts[i]])
         return values
 
-    def residuals(self, contexts: Row, tables: dict[int, int]) -> Row:
+    def residuals(self, contexts: Row, tables: dict[int, int], explicit: list[Model] | None = None) -> Row:
+        """10.10; a table of -1 - i is that of row i of `explicit` (17.1)."""
         order = grouped_order(contexts)
         values, escaped = [0] * len(contexts), []
         low_bits = {}
         for i in order:
-            shape, scale = divmod(tables[contexts[i]], 160)
-            base, low_bits[contexts[i]] = split_scale(scale)
-            model = scale_model(shape, base)
+            table = tables[contexts[i]]
+            shape, scale = divmod(table, 160)
+            base, low_bits[contexts[i]] = split_scale(scale) if table >= 0 else (0, 0)
+            model = scale_model(shape, base) if table >= 0 else (explicit or [])[-1 - table]
             k = model.size // 2
             values[i] = self.decode(model) - k
             if abs(values[i]) == k:
@@ -386,9 +388,9 @@ def normalise(a: Row) -> Row:
     return [round_divide(c << 24, length) for c in a]
 
 
-def num_lods(n: int) -> int:
+def num_lods(n: int, most: int = 8) -> int:
     count = 0
-    while count < 8 and n >> (count + 1) >= 32:
+    while count < most and n >> (count + 1) >= 32:
         count += 1
     return count
 
@@ -399,15 +401,20 @@ class Lods:
 
     count: int
     positions: Matrix | None = None
+    most: int = 8
     _weights: dict[int, Row] = field(default_factory=dict)
+
+    def finest(self, most: int) -> Lods:
+        """17.3: of the levels only these count."""
+        return replace(self, most=most)
 
     @property
     def base(self) -> range:
-        return range(0, self.count, 2 ** num_lods(self.count))
+        return range(0, self.count, 2 ** num_lods(self.count, self.most))
 
     def levels(self) -> Iterator[tuple[range, Callable[[int], Row]]]:
         """The rows of each level, and a function that gives the neighbours of a row."""
-        for lod in range(num_lods(self.count) - 1, -1, -1):
+        for lod in range(num_lods(self.count, self.most) - 1, -1, -1):
             step = 2 ** (lod + 1)
             last = (self.count - 1) // step
 
@@ -705,26 +712,35 @@ class Activity:
     symbols: Matrix
     density: Row
     magnitude: Row
+    #: 17.4, of each Gaussian: `running`, then `memory` of each column
+    memory: Matrix
 
     def significant(self, row: int) -> bool:
         return any(self.symbols[row])
 
-    def of(self, symbols: Matrix, num_blocks: int) -> Activity:
+    def of(self, change: Callable[[Matrix], Matrix], num_blocks: int) -> Activity:
         """15.2, 15.4: of other Gaussians; classes become 0."""
-        return Activity(symbols, [0] * num_blocks, [0] * num_blocks)
+        return Activity(change(self.symbols), [0] * num_blocks, [0] * num_blocks, change(self.memory))
 
 
 def num_blocks(n: int, block_log2: int) -> int:
     return -(-n >> block_log2)
 
 
-def magnitudes(stream: RangeDecoder, density: Row, before: Row) -> Row:
+def remember(memory: Row, symbols: Row) -> Row:
+    """17.4: `running` and `memory` of a Gaussian, from those before."""
+    running = memory[0] - (memory[0] >> 2) + (min(size(symbols), 2**20) << 2)
+    faded = [m - 16 * s for m, s in zip(memory[1:], symbols, strict=True)]
+    return [running, *(m - (m >> 2) for m in faded)]
+
+
+def magnitudes(stream: RangeDecoder, density: Row, before: Row, prior: Prior | None) -> Row:
     """12.3."""
     blocks = [b for b, d in enumerate(density) if d > 0]
     magnitude = [0] * len(density)
     if blocks:
         contexts = [density[b] + (4 if before[b] > 0 else 0) for b in blocks]
-        tables = stream.read_tables(8)
+        tables = prior.model.magnitudes if prior else stream.read_tables(8)
         for b, r in zip(blocks, stream.residuals(contexts, tables), strict=True):
             magnitude[b] = clip(before[b] + r, 0, 23)
     return magnitude
@@ -741,34 +757,57 @@ def coded_rows(stream: RangeDecoder, density: Row, before: Activity, beside: Act
     return sorted(coded)
 
 
-def inter_attribute(
-    stream: RangeDecoder, gof: Lods, history: tuple[Activity, Activity], block_log2: int
-) -> Activity:
-    before, beside = history
-    contexts = [4 * d + e for d, e in zip(before.density, beside.density, strict=True)]
-    density = stream.grouped(contexts, stream.read_histograms(occurring(contexts), 4))
-    magnitude = magnitudes(stream, density, before.magnitude)
-    n, num_columns = len(before.symbols), len(before.symbols[0])
-    block = [i >> block_log2 for i in range(n)]
-    rows = coded_rows(stream, [density[b] for b in block], before, beside)
-    lods = gof if len(rows) == n else Lods(len(rows))
-    old = [before.symbols[i] for i in rows]
-    hints = [
-        [CLASS_MIDDLES[magnitude[block[i]]] for i in rows],
-        [sum(abs(s) for s in symbols) for symbols in old],
-    ]
-    columns: Matrix = []
+def columns_of(
+    stream: RangeDecoder, lods: Lods, hints: Matrix, old: Matrix, num_columns: int
+) -> Iterator[Row]:
+    """12.5; `old` are the symbols before at the coded rows."""
     residuals: Matrix = []
     for c in range(num_columns):
         features = [*residuals, [symbols[c] for symbols in old]]
         sources = [[abs(r) for r in residual] for residual in residuals] + hints
         value, residual = predicted_component(stream, lods, features, sources)
-        columns.append(value)
+        yield value
         residuals.append(residual)
+
+
+def inter_attribute(
+    stream: RangeDecoder,
+    gof: Lods,
+    history: tuple[Activity, Activity],
+    block_log2: int,
+    prior: Prior | None = None,
+) -> Activity:
+    """12; 17.4 where the sequence has a prior and the stream uses it."""
+    before, beside = history
+    if prior is not None and stream.decode(uniform(2)) == 0:
+        prior = None
+    contexts = [4 * d + e for d, e in zip(before.density, beside.density, strict=True)]
+    models = prior.model.densities if prior else stream.read_histograms(occurring(contexts), 4)
+    density = stream.grouped(contexts, models)
+    magnitude = magnitudes(stream, density, before.magnitude, prior)
+    n, num_columns = len(before.symbols), len(before.symbols[0])
+    block = [i >> block_log2 for i in range(n)]
+    densities = [density[b] for b in block]
+    if prior is not None:
+        classes = [(before.density[b], density[b], magnitude[b]) for b in block]
+        inputs = [prior.common(i, classes[i]) if densities[i] else [] for i in range(n)]
+        rows = prior_coded_rows(stream, prior.model, gof, densities, inputs)
+    else:
+        rows = coded_rows(stream, densities, before, beside)
+    lods = gof if len(rows) == n else Lods(len(rows))
+    if prior is not None:
+        flagged = [densities[i] != 3 for i in rows]
+        old = Activity([before.symbols[i] for i in rows], [], [], [before.memory[i] for i in rows])
+        columns = prior_columns(stream, prior.model, lods, old, ([inputs[i] for i in rows], flagged))
+    else:
+        symbols = [before.symbols[i] for i in rows]
+        hints = [[CLASS_MIDDLES[magnitude[block[i]]] for i in rows], [size(row) for row in symbols]]
+        columns = list(columns_of(stream, lods, hints, symbols, num_columns))
     symbols = [[0] * num_columns for _ in range(n)]
     for j, i in enumerate(rows):
         symbols[i] = [column[j] for column in columns]
-    return Activity(symbols, density, magnitude)
+    memory = [remember(m, row) for m, row in zip(before.memory, symbols, strict=True)]
+    return Activity(symbols, density, magnitude, memory)
 
 
 # --- 9.5 steps that follow visibility ---------------------------------------------------------------------
@@ -817,16 +856,20 @@ class Steps:
     levels: dict[int, int]
     exponents: dict[int, int]
 
+    def coarseness(self, attribute: int, reference: State) -> Row:
+        """9.5: of each Gaussian, in quarter octaves; 0 without the tool."""
+        if attribute not in self.levels:
+            return [0] * len(reference.positions)
+        level, coarseness = self.levels[attribute], []
+        for s, (o,) in zip(reference.planes[SCALE], reference.planes[OPACITY], strict=True):
+            weight = visibility_weight(attribute, s, o, self.exponents)
+            coarseness.append(clip((level - weight) >> 3, 0, 12))
+        return coarseness
+
     def changes(self, attribute: int, symbols: Matrix, reference: State) -> Matrix:
         """9.3 and 9.4: what symbols are worth."""
         changes = scaled(symbols, self.steps[attribute])
-        if attribute not in self.levels:
-            return changes
-        multipliers = []
-        for s, (o,) in zip(reference.planes[SCALE], reference.planes[OPACITY], strict=True):
-            weight = visibility_weight(attribute, s, o, self.exponents)
-            multipliers.append(MULTIPLIERS[clip((self.levels[attribute] - weight) >> 3, 0, 12)])
-        return coarser(changes, multipliers)
+        return coarser(changes, [MULTIPLIERS[c] for c in self.coarseness(attribute, reference)])
 
 
 def reconstruct_inter(activity: dict[int, Activity], steps: Steps, reference: State) -> State:
@@ -981,7 +1024,7 @@ class MotionSymbols:
 
     def beside(self) -> Activity:
         """12.1: what the first stream of the residual sees."""
-        return Activity([[int(f)] for f in self.follows], self.mode, [0] * len(self.mode))
+        return Activity([[int(f)] for f in self.follows], self.mode, [0] * len(self.mode), [])
 
 
 def squared_distance(a: Row, b: Row) -> int:
@@ -1064,8 +1107,9 @@ def matrix(v: Row) -> Matrix:
 class MotionField:
     """Control points of a GoF, and the Gaussians bound to them."""
 
-    def __init__(self, positions: Matrix, control: ControlHeader) -> None:
+    def __init__(self, positions: Matrix, control: ControlHeader, prior: PriorModel | None) -> None:
         n = len(positions)
+        self.prior = prior
         self.middle, self.shift = positions[n // 2], control.shift
         cells = [self.cell(p) for p in positions]
         choose = farthest if control.rule == 0 else stride
@@ -1078,8 +1122,11 @@ class MotionField:
         # 14.1: levels begin at 0, 1, 4, 16, ...; those of the first gather from none
         starts = [0, *(4**level for level in range(count) if 4**level < count)]
         self.binding: list[Gathered | None] = []
-        for start, stop in zip(starts, [*starts[1:], count], strict=True):
+        #: the level of each control point, and where it ends
+        self.levels: list[tuple[int, int]] = []
+        for level, (start, stop) in enumerate(zip(starts, [*starts[1:], count], strict=True)):
             for cell in own_cells[start:stop]:
+                self.levels.append((level, stop))
                 self.binding.append(gather(cell, own_cells[:start]) if start > 0 else None)
         self.habit_t, self.habit_v = zeros(count), zeros(count)
         self.t, self.v, self.matrices = zeros(count), zeros(count), [zeros(3)] * count
@@ -1128,7 +1175,7 @@ class MotionField:
         require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= (2**24 if self.spread else 2**18))
         streams = open_streams(fields, 2)
         mode, follows = self._followers(next(streams), block_log2)
-        symbols = self._symbols(next(streams), num_coded, steps)
+        symbols = self._symbols(next(streams), num_coded, steps, temporal_weight)
         require(next(streams, None) is None)
         self.last = MotionSymbols(mode, follows, symbols)
         self.steps = steps
@@ -1151,22 +1198,79 @@ class MotionField:
                 follows[i] = flag == 1
         return mode, follows
 
-    def _symbols(self, stream: RangeDecoder, num_coded: int, steps: tuple[int, int]) -> Matrix:
+    def _symbols(
+        self, stream: RangeDecoder, num_coded: int, steps: tuple[int, int], temporal_weight: int
+    ) -> Matrix:
+        """14.3, 17.5."""
         rows = sorted(range(num_coded), key=lambda k: self.gaussian[k])
-        hint = [sum(abs(s) for s in self.last.symbols[k]) for k in rows]
         symbols = [[0] * 7 for _ in self.pivot]
-        residuals: Matrix = []
         num_columns = 3
         if steps[1] > 0:
             num_columns = 7 if self.spread else 6
-        for c in range(num_columns if num_coded else 0):
-            sources = [[abs(r) for r in residual] for residual in residuals] + [hint]
-            value, residual = predicted_component(stream, Lods(num_coded), residuals, sources)
-            residuals.append(residual)
-            for k, s in zip(rows, value, strict=True):
+        if num_coded == 0:
+            return symbols
+        prior = self.prior if self.spread is None else None
+        if prior is not None and stream.decode(uniform(2)):
+            columns = self._prior_columns(stream, prior, rows, (num_columns, steps, temporal_weight))
+        else:
+            hint = [size(self.last.symbols[k]) for k in rows]
+            columns = control_columns(stream, num_coded, hint, num_columns)
+        for c, column in enumerate(columns):
+            for k, s in zip(rows, column, strict=True):
                 require(abs(s) <= 2 * STATE_LIMIT // steps[min(c // 3, 1)])
                 symbols[k][c] = s
         return symbols
+
+    def _prior_columns(
+        self, stream: RangeDecoder, model: PriorModel, rows: Row, coding: tuple[int, tuple[int, int], int]
+    ) -> Iterator[Row]:
+        """17.5; `coding` is the number of columns, the steps and `temporal_weight`."""
+        num_columns, steps, temporal_weight = coding
+        habits = [self._habit(k, steps, temporal_weight) for k in rows]
+        inputs = [self._prior_inputs(k, len(rows), habit) for k, habit in zip(rows, habits, strict=True)]
+        columns: Matrix = []
+        residuals: Matrix = []
+        for c in range(num_columns):
+            before = [self.last.symbols[k][c] for k in rows]
+            weights = model.control_weights[c]
+            column = PriorColumn(
+                "control",
+                [*weights[: 1 + c], *weights[-2:]],
+                [
+                    *([16 * r for r in residual] for residual in residuals),
+                    [16 * s for s in before],
+                    [habit[c] for habit in habits],
+                ],
+                inputs,
+                [0] * len(rows),
+                [
+                    column_inputs(s, [column[j] for column in columns], 64 if c >= 3 else 0)
+                    for j, s in enumerate(before)
+                ],
+            )
+            value, residual = prior_column(stream, model, Lods(len(rows)), column)
+            yield value
+            columns.append(value)
+            residuals.append(residual)
+
+    def _habit(self, k: int, steps: tuple[int, int], temporal_weight: int) -> Row:
+        """17.5: in six columns."""
+        left = 4 * (4 - temporal_weight)
+        turns = [h * left // steps[1] if steps[1] > 0 else 0 for h in self.habit_v[k]]
+        return [*(h * left // steps[0] for h in self.habit_t[k]), *turns]
+
+    def _prior_inputs(self, k: int, num_coded: int, habit: Row) -> Row:
+        """17.5: x."""
+        level, stop = self.levels[k]
+        x = [16 * level, log(size(self.last.symbols[k])), log(size(habit))]
+        point = self.binding[k]
+        if point is None:
+            x += [0, 0]
+        else:
+            efforts = [effort >> 4 for effort in point.effort]
+            x += [efforts[point.choice], max(efforts) - min(efforts)]
+        x.append(64 if stop >= num_coded else 0)
+        return [min(value, 255) for value in x]
 
     def _displace(self, k: int, x: Row) -> Row:
         offset = [a - b for a, b in zip(x, self.pivot[k], strict=True)]
@@ -1274,6 +1378,16 @@ class MotionField:
         ]
 
 
+def control_columns(stream: RangeDecoder, num_coded: int, hint: Row, num_columns: int) -> Iterator[Row]:
+    """14.3."""
+    residuals: Matrix = []
+    for _ in range(num_columns):
+        sources = [[abs(r) for r in residual] for residual in residuals] + [hint]
+        value, residual = predicted_component(stream, Lods(num_coded), residuals, sources)
+        yield value
+        residuals.append(residual)
+
+
 def zeros(count: int) -> Matrix:
     return [[0] * 3 for _ in range(count)]
 
@@ -1326,6 +1440,7 @@ class Gof:
     anchors: Matrix
     anchor_step: int
     control: ControlHeader
+    prior: PriorModel | None = None
 
     def __post_init__(self) -> None:
         self.history: dict[int, Activity] = {}
@@ -1338,8 +1453,13 @@ class Gof:
     def motion(self) -> MotionField:
         """Made when it is first needed, from the I-frame (14)."""
         if self._motion is None:
-            self._motion = MotionField(self._intra, self.control)
+            self._motion = MotionField(self._intra, self.control, self.prior)
         return self._motion
+
+    @property
+    def points(self) -> list[Gathered]:
+        """17.4: efforts and choices of the Gaussians; 0 where nothing has moved."""
+        return self._motion.points if self._motion else [Gathered([], [])] * len(self.anchors)
 
     def _anchored(self, anchors: Matrix) -> None:
         self.anchors, self.lods = anchors, Lods(len(anchors), anchors)
@@ -1358,8 +1478,8 @@ class Gof:
         self.state = State(planes, order)
         self._anchored([self.anchors[i] for i in kept])
         for attribute, activity in self.history.items():
-            symbols = [activity.symbols[i] for i in kept]
-            self.history[attribute] = activity.of(symbols, num_blocks(len(kept), block_log2))
+            count = num_blocks(len(kept), block_log2)
+            self.history[attribute] = activity.of(lambda rows: [rows[i] for i in kept], count)
 
     def settle(self, topology: Topology, block_log2: int) -> None:
         """15.4: births and places."""
@@ -1385,9 +1505,10 @@ class Gof:
         anchors = [[round_divide(x, self.anchor_step) for x in p] for p in born]
         self._anchored(merged(rows, self.anchors, anchors))
         for attribute, activity in self.history.items():
-            nothing = [[0] * len(activity.symbols[0]) for _ in born]
-            symbols = merged(rows, activity.symbols, nothing)
-            self.history[attribute] = activity.of(symbols, num_blocks(len(rows), block_log2))
+            count = num_blocks(len(rows), block_log2)
+            self.history[attribute] = activity.of(
+                lambda old: merged(rows, old, [[0] * len(old[0]) for _ in born]), count
+            )
         return rows
 
 
@@ -1481,13 +1602,16 @@ def rows_of(array: Array) -> Matrix:
     return [array.values[i : i + columns] for i in range(0, len(array.values), columns)]
 
 
-def find_model(sequence: Sequence, models: Models) -> FrozenModel:
+def find_model(sequence: Sequence, models: Models, networks: tuple[str, ...]) -> dict[str, Array]:
+    """A model of the profile has `networks`."""
     if not sequence.model_id or sequence.model_id not in models:
         raise ModelMismatch
     arrays = {name: Array(*array) for name, array in models[sequence.model_id].items()}
     if model_hash(arrays)[:8] != sequence.model_hash:
         raise ModelMismatch
-    return FrozenModel(arrays)
+    if not all(f"{name}.0.weight" in arrays for name in networks):
+        raise ModelMismatch
+    return arrays
 
 
 def shift_left(a: int, n: int) -> int:
@@ -1635,6 +1759,193 @@ def refined(planes: dict[int, Matrix], changes: Matrix, sequence: Sequence) -> d
     return planes
 
 
+# --- 17 the frozen prior of profile MAIN ------------------------------------------------------------------
+
+
+class PriorModel:
+    """17.1."""
+
+    def __init__(self, arrays: Mapping[str, Array]) -> None:
+        def models(name: str) -> list[Model]:
+            return [Model([0, *accumulate(row)]) for row in rows_of(arrays[name])]
+
+        self.networks: dict[str, list[tuple[Matrix, Row, Row]]] = {}
+        for name in ("flags", "columns", "control"):
+            self.networks[name] = []
+            while f"{name}.{len(self.networks[name])}.weight" in arrays:
+                prefix = f"{name}.{len(self.networks[name])}."
+                weight = rows_of(arrays[prefix + "weight"])
+                layer = (weight, arrays[prefix + "bias"].values, arrays[prefix + "scale"].values)
+                self.networks[name].append(layer)
+        self.flags = dict(enumerate(models("flags.frequencies")))
+        self.densities = dict(enumerate(models("densities.frequencies")))
+        self.magnitudes = dict(enumerate(arrays["magnitudes.tables"].values))
+        self.control_weights = rows_of(arrays["control.weights"])
+        self.tables = {n: dict(enumerate(arrays[f"{n}.tables"].values)) for n in ("columns", "control")}
+        self.rows = {n: models(f"{n}.frequencies") for n in ("columns", "control")}
+
+    def kind(self, name: str, x: Row) -> int:
+        """17.1: `class`."""
+        for weight, bias, (shift, limit) in self.networks[name]:
+            x = [
+                clip((b + sum(map(operator.mul, row, x))) >> shift, 0, limit)
+                for row, b in zip(weight, bias, strict=True)
+            ]
+        return x[0]
+
+
+def cell_of(c: int, kind: int, fraction: int) -> int:
+    """17.1: `cell`."""
+    return (kind * 3 + fraction) * 18 + c if c < 18 else 4 * 3 * 18 + c - 18
+
+
+def log(a: int) -> int:
+    """17.2."""
+    a = min(a, 2**24 - 1)
+    b = a.bit_length()
+    return 8 * b + ((a << 3) >> (b - 1)) - 8 if a > 0 else 0
+
+
+def size(row: Row) -> int:
+    """17.2."""
+    return sum(abs(s) for s in row)
+
+
+class PriorColumn(NamedTuple):
+    """17.3: what a column is decoded with; `u` lacks what is found there."""
+
+    name: str
+    weights: Row
+    features: Matrix
+    common: Matrix
+    kinds: Row
+    u: Matrix
+
+
+def column_inputs(before: int, earlier: Row, last: int) -> Row:
+    """17.3: u, from the symbol before, those of the columns decoded before this one, and u[9]."""
+    one, other = [0, 0, *earlier][-1], [0, 0, *earlier][-2]
+    return [0, 0, 0, log(abs(before)), log(abs(one)), log(abs(other)), log(size(earlier)), 0, 0, last]
+
+
+def prior_column(stream: RangeDecoder, model: PriorModel, lods: Lods, column: PriorColumn) -> tuple[Row, Row]:
+    """17.3: values and residuals of all rows."""
+    w, features = column.weights, column.features
+    value, residual = [0] * lods.count, [0] * lods.count
+    lods = lods.finest(5)
+
+    def found(row: int, statistics: tuple[int, int] | None) -> tuple[int, int, bool]:
+        """Prediction, context, whether the residual is flipped."""
+        u = list(column.u[row])
+        expected = sum(f[row] * v for f, v in zip(features, w[1:], strict=True)) << 4
+        u[0:3] = [0, 0, 64]
+        if statistics is not None:
+            mean, deviation = statistics
+            expected += mean * w[0]
+            u[0:3] = [log(deviation), log(abs(mean)), 0]
+        prediction = round_shift(expected, 16)
+        f = expected - (prediction << 16)
+        kind = 0 if prediction != 0 else column.kinds[row]
+        u[7], u[8] = log(abs(expected) >> 8), 64 if kind > 0 else 0
+        fraction = 0 if abs(f) < 2**13 else 1 if abs(f) < 3 * 2**13 else 2
+        x = column.common[row] + [min(c, 255) for c in u]
+        return prediction, cell_of(model.kind(column.name, x), kind, fraction), f < 0 and fraction > 0
+
+    def code_pass(rows: range, neighbours: Callable[[int], Row] | None) -> None:
+        several = [found(i, lods.statistics(i, neighbours(i), value) if neighbours else None) for i in rows]
+        contexts = [context for _, context, _ in several]
+        r = stream.residuals(contexts, model.tables[column.name], model.rows[column.name])
+        for i, (prediction, _, flipped), s in zip(rows, several, r, strict=True):
+            residual[i] = -s if flipped else s
+            value[i] = prediction + residual[i]
+
+    code_pass(lods.base, None)
+    for rows, neighbours in lods.levels():
+        code_pass(rows, neighbours)
+    return value, residual
+
+
+@dataclass
+class Prior:
+    """17.4: what a stream of a RESIDUAL chunk is decoded with."""
+
+    model: PriorModel
+    points: list[Gathered]
+    follows: list[bool]
+    #: activity in the frame before, and in this frame so far
+    past: dict[int, Activity]
+    present: dict[int, Activity]
+    attribute: int = POSITION
+    before: Activity = field(default_factory=lambda: Activity([], [], [], []))
+    coarseness: Row = field(default_factory=list)
+
+    def common(self, i: int, classes: tuple[int, int, int]) -> Row:
+        """x of a Gaussian; `classes` of its block: density before, density, magnitude."""
+        point, (running, *memory) = self.points[i], self.before.memory[i]
+        efforts = [effort >> 4 for effort in point.effort]
+        x = [efforts[point.choice], min(efforts), max(efforts) - min(efforts)]
+        x += [64 if point.choice == 0 else 0, 64 if self.follows[i] else 0, 2 * self.coarseness[i]]
+        x += [log(size(self.before.symbols[i])), log(running), log(size(memory))]
+        x += [factor * c for factor, c in zip((16, 16, 4), classes, strict=True)]
+        sources = [self.present.get(a) for a in range(SH_DC + 1)]
+        sources += [self.past.get(a) if a != self.attribute else None for a in (POSITION, ROTATION)]
+        x += [log(size(activity.symbols[i])) if activity else 0 for activity in sources]
+        x += [64 if min(self.attribute, SH_DC + 1) == a else 0 for a in range(SH_DC + 2)]
+        return [min(value, 255) for value in x]
+
+
+def prior_coded_rows(
+    stream: RangeDecoder, model: PriorModel, lods: Lods, density: Row, inputs: Matrix
+) -> Row:
+    """17.4: flags; `density` of each Gaussian's block."""
+    s = [256 if d == 3 else 0 for d in density]
+    lods = lods.finest(5)
+
+    def code_pass(rows: range, neighbours: Callable[[int], Row] | None) -> None:
+        flagged = [i for i in rows if density[i] in (1, 2)]
+        contexts = []
+        for i in flagged:
+            u = [0, 64]
+            if neighbours:
+                u = [lods.statistics(i, neighbours(i), s)[0] >> 9, 0]
+            contexts.append(model.kind("flags", inputs[i] + u))
+        for i, flag in zip(flagged, stream.grouped(contexts, model.flags), strict=True):
+            s[i] = 256 * flag
+
+    code_pass(lods.base, None)
+    for rows, neighbours in lods.levels():
+        code_pass(rows, neighbours)
+    return [i for i, share in enumerate(s) if share]
+
+
+def prior_columns(
+    stream: RangeDecoder, model: PriorModel, lods: Lods, old: Activity, rows: tuple[Matrix, list[bool]]
+) -> Matrix:
+    """17.4: columns; of coded rows the activity before, the common inputs and whether there is a flag."""
+    inputs, flagged = rows
+    columns: Matrix = []
+    residuals: Matrix = []
+    num_columns = len(old.symbols[0]) if old.symbols else 0
+    for c in range(num_columns):
+        weights = stream.read_weights(3 + c)
+        features = [[16 * r for r in residual] for residual in residuals]
+        features += [[16 * symbols[c] for symbols in old.symbols], [memory[1 + c] for memory in old.memory]]
+        earlier = [[column[j] for column in columns] for j in range(lods.count)]
+        kinds = [
+            4 - min(num_columns - c, 3) if flag and not any(symbols) else 0
+            for flag, symbols in zip(flagged, earlier, strict=True)
+        ]
+        u = [
+            column_inputs(symbols[c], here, 16 * min(num_columns - c, 4))
+            for symbols, here in zip(old.symbols, earlier, strict=True)
+        ]
+        column = PriorColumn("columns", weights, features, inputs, kinds, u)
+        value, residual = prior_column(stream, model, lods, column)
+        columns.append(value)
+        residuals.append(residual)
+    return columns
+
+
 # --- 3 to 7 files -----------------------------------------------------------------------------------------
 
 
@@ -1668,7 +1979,7 @@ class Frame:
 def sequence_header(fields: Fields) -> Sequence:
     version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
     require(
-        version == 6 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
+        version == 7 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
     )
     num_frames = fields.uvarint()
     fields.uvarint()
@@ -1682,7 +1993,7 @@ def sequence_header(fields: Fields) -> Sequence:
     require(len(numbers) == num_frames)
     position, scale, opacity, color = (fields.svarint() for _ in range(4))
     model_id = fields.raw(fields.uvarint())
-    require(len(model_id) <= 64 and model_id.isascii() and (profile == PAPER or not model_id))
+    require(len(model_id) <= 64 and model_id.isascii())
     hashed = fields.raw(8) if model_id else b""
     require(fields.place == len(fields.data))
     exponents = {POSITION: position, SCALE: scale, ROTATION: -24, OPACITY: opacity, SH_DC: color}
@@ -1767,7 +2078,7 @@ def topology_chunk(fields: Fields, sequence: Sequence, n: int) -> Topology:
 
 
 class Decoder:
-    """Frames of a file, from its beginning; `models` by id, for profile PAPER."""
+    """Frames of a file, from its beginning; `models` by id."""
 
     def __init__(self, data: bytes, models: Models | None = None) -> None:
         self._chunks = chunks(data)
@@ -1775,8 +2086,13 @@ class Decoder:
         require(kind == 0x01)
         self.sequence = sequence_header(fields)
         self._model: FrozenModel | None = None
+        self._prior: PriorModel | None = None
         if self.sequence.profile == PAPER:
-            self._model = find_model(self.sequence, models or {})
+            networks: tuple[str, ...] = ("fusion", "synthesis")
+            self._model = FrozenModel(find_model(self.sequence, models or {}, networks))
+        elif self.sequence.model_id:
+            networks = ("flags", "columns", "control")
+            self._prior = PriorModel(find_model(self.sequence, models or {}, networks))
 
     def frames(self) -> Iterator[Frame]:
         expected = 0
@@ -1787,6 +2103,7 @@ class Decoder:
             require(frame_index == expected)
             if kind == 0x10:
                 frame_hash, gof = intra_frame(fields, self.sequence)
+                gof.prior = self._prior
             else:
                 require(kind == 0x20)
                 if gof is None:
@@ -1828,11 +2145,12 @@ class Decoder:
             motion = gof.motion.decode(self._following(0x22, frame_index), block_log2)
             gof.state = gof.motion.carry(gof.state, motion.follows)
         activity: dict[int, Activity] = {}
+        frame_steps = Steps(steps, levels, self.sequence.exponents)
         if mask:
-            beside = motion.beside() if motion else None
-            activity = residual(self._following(0x24, frame_index), gof, attributes, (block_log2, beside))
+            fields = self._following(0x24, frame_index)
+            activity = residual(fields, gof, frame_steps, (block_log2, motion))
         gof.history = activity
-        gof.state = reconstruct_inter(activity, Steps(steps, levels, self.sequence.exponents), gof.state)
+        gof.state = reconstruct_inter(activity, frame_steps, gof.state)
         if motion:
             gof.motion.learn(reference, gof.state.positions)
         if topology:
@@ -1865,24 +2183,31 @@ class Decoder:
 
 
 def residual(
-    fields: Fields, gof: Gof, attributes: Row, coding: tuple[int, Activity | None]
+    fields: Fields, gof: Gof, steps: Steps, coding: tuple[int, MotionSymbols | None]
 ) -> dict[int, Activity]:
-    """6.4; `coding` is block_log2 and what the first stream has beside it."""
-    block_log2, beside = coding
+    """6.4; `coding` is block_log2 and what moves, if the frame has the tool MOTION."""
+    block_log2, motion = coding
     n = len(gof.state.positions)
     count = num_blocks(n, block_log2)
 
     def nothing(num_columns: int) -> Activity:
-        return Activity([[0] * num_columns for _ in range(n)], [0] * count, [0] * count)
+        memory = [[0] * (1 + num_columns) for _ in range(n)]
+        return Activity([[0] * num_columns for _ in range(n)], [0] * count, [0] * count, memory)
 
     activity: dict[int, Activity] = {}
-    beside = beside or nothing(1)
+    beside = motion.beside() if motion else nothing(1)
+    follows = motion.follows if motion else [False] * n
+    prior = Prior(gof.prior, gof.points, follows, gof.history, activity) if gof.prior else None
+    attributes = sorted(steps.steps)
     streams = open_streams(fields, len(attributes))
     for attribute, stream in zip(attributes, streams, strict=True):
         before = gof.history.get(attribute)
         if before is None or len(before.density) != count:
             before = nothing(3 if attribute == ROTATION else COLUMNS[attribute])
-        beside = inter_attribute(stream, gof.lods, (before, beside), block_log2)
+        if prior is not None:
+            coarseness = steps.coarseness(attribute, gof.state)
+            prior = replace(prior, attribute=attribute, before=before, coarseness=coarseness)
+        beside = inter_attribute(stream, gof.lods, (before, beside), block_log2, prior)
         activity[attribute] = beside
     return activity
 

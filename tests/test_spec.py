@@ -16,7 +16,7 @@ import struct
 import sys
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from pathlib import Path
 from types import ModuleType
@@ -47,13 +47,15 @@ from dfcgs_codec.bitstream.constants import (
 )
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
+from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
+from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.motion import MotionSymbols, classify_modes
+from dfcgs_codec.codec.residual_context import log_of
 from dfcgs_codec.codec.side_information import (
     HistogramLayout,
     code_layout,
@@ -62,19 +64,24 @@ from dfcgs_codec.codec.side_information import (
     code_weights,
     histogram_models,
 )
+from dfcgs_codec.codec.symbols import SymbolCoder, T
 from dfcgs_codec.codec.topology import TopologySymbols
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder import frame_coding, streams
 from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionTrial
-from dfcgs_codec.encoder.options import RefinementMode
+from dfcgs_codec.encoder.options import MotionMode, RefinementMode
+from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.entropy import coder, tables
 from dfcgs_codec.entropy.symbols import code_bits, code_escapes, code_residuals
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS
 from dfcgs_codec.model import registry
+from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
+from tests import helpers
+from tests.context_models import random_arrays as random_prior_arrays
 from tests.latent_models import random_arrays
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -576,6 +583,11 @@ class RandomWriter(SymbolWriter):
     def choice(self, size: int, evidence: Callable[[], int]) -> int:
         return super().choice(size, lambda: int(self.rng.integers(size)))
 
+    def either(self, walk: Callable[[SymbolCoder, bool], T]) -> T:
+        self.preferred = self.rng.random() < 0.7
+        super().choice(2, lambda: int(bool(self.preferred)))
+        return walk(self, self.preferred)
+
     def layout(self, evidence: Any) -> HistogramLayout | None:
         values, _, _ = evidence()
         use = self.rng.random() < 0.6
@@ -615,10 +627,20 @@ def _intra_symbols(rng: np.random.Generator, count: int, sh_degree: int, grid: S
     return IntraSymbols({a: v.astype(np.int64) for a, v in planes.items()}, permutation)
 
 
+@dataclass
+class _FlaggedActivity(AttributeActivity):
+    """With flags on Gaussians that have no symbols, too."""
+
+    flagged: Any = False
+
+    def significant(self) -> Any:
+        return super().significant() | self.flagged
+
+
 def _inter_symbols(
     rng: np.random.Generator, planes: list[Attribute], count: int, block_log2: int
 ) -> InterSymbols:
-    activity = {}
+    activity: dict[Attribute, AttributeActivity] = {}
     block = np.arange(count) >> block_log2
     for attribute in planes:
         if rng.random() < 0.3:
@@ -635,7 +657,11 @@ def _inter_symbols(
             density[:] = 3
         # beyond the 24 classes, too: decoders clip
         magnitude = np.where(density > 0, rng.integers(-3, 30, len(density)), 0)
-        activity[attribute] = AttributeActivity(symbols.astype(np.int64), density, magnitude)
+        flagged = rng.random(count) < rng.choice([0.0, 0.3])
+        flagged &= density[block] > 0
+        activity[attribute] = _FlaggedActivity(
+            symbols.astype(np.int64), density, magnitude, None, None, flagged
+        )
     return InterSymbols(activity)
 
 
@@ -698,7 +724,8 @@ def _random_intra(
     rng: np.random.Generator, index: int, attributes: list[Attribute], header: SequenceHeader
 ) -> frame_coding.CodedFrame:
     count = int(rng.integers(1, rng.choice([20, 200])))
-    setup = GofSetup(_random_control(rng), header.unit_exponents)
+    model = registry.context_model(header.model_id) if header.model_id else None
+    setup = GofSetup(_random_control(rng), header.unit_exponents, model)
     if rng.random() < 0.3:
         permutation = rng.permutation(count) if rng.random() < 0.5 else None
         state = state_of(_cloud(rng, count, header.sh_degree), header.unit_exponents)
@@ -734,16 +761,14 @@ def _random_inter(
     return coded
 
 
-@pytest.mark.parametrize("seed", range(30))
-def test_random_choices(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(seed)
-    monkeypatch.setattr(streams, "SymbolWriter", RandomWriter)
-    monkeypatch.setattr(RandomWriter, "rng", rng)
+def _random_file(rng: np.random.Generator, model: ContextModel | None = None) -> bytes:
     sh_degree, num_frames = int(rng.integers(2)), 6
     attributes = list(Attribute)[: Attribute.SH_1 + sh_degree]
     numbers = FrameNumbers.of(sorted(rng.choice(12, num_frames, replace=False).tolist()))
     units = UnitExponents(*rng.integers(-16, -10, 4).tolist())
     header = SequenceHeader(Profile.MAIN, 1, sh_degree, OutputOrder.FREE, (25, 1), numbers, units)
+    if model is not None:
+        header = replace(header, model_id=model.model_id, model_hash=model.digest[:8])
     file = io.BytesIO()
     writer = ContainerWriter(file, header)
     coded = None
@@ -760,7 +785,15 @@ def test_random_choices(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
         writer.gof(first, chunks)
         first += len(chunks)
     writer.finish()
-    _check_file(file.getvalue())
+    return file.getvalue()
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_random_choices(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(seed)
+    monkeypatch.setattr(streams, "SymbolWriter", RandomWriter)
+    monkeypatch.setattr(RandomWriter, "rng", rng)
+    _check_file(_random_file(rng))
 
 
 # --- section 16 -------------------------------------------------------------------------------------------
@@ -807,14 +840,139 @@ def test_networks(
 
 
 def test_the_text_names_every_model() -> None:
-    text = SPEC[SPEC.index("### 16.1 ") : SPEC.index("### 16.2 ")]
-    rows = re.findall(r"^\| `([\w.-]+)` \| ([0-9a-f]{16}) \|$", text, re.M)
+    rows = []
+    for start, end in (("### 16.1 ", "### 16.2 "), ("### 17.1 ", "### 17.2 ")):
+        text = SPEC[SPEC.index(start) : SPEC.index(end)]
+        rows += re.findall(r"^\| `([\w.-]+)` \| ([0-9a-f]{16}) \|$", text, re.M)
     found = {name: spec_decoder.model_hash(arrays).hex()[:16] for name, arrays in MODELS.items()}
     assert dict(rows) == found
     assert {name: registry.installed(name).digest.hex()[:16] for name in found} == found
 
 
-# --- section 18 -------------------------------------------------------------------------------------------
+# --- section 17 -------------------------------------------------------------------------------------------
+
+
+def _random_prior(seed: int, monkeypatch: pytest.MonkeyPatch) -> tuple[ContextModel, dict[str, Any]]:
+    """A prior of random integers, registered, and as the text's decoder reads it."""
+    arrays = random_prior_arrays(seed)
+    model = ContextModel.of_arrays("random", arrays)
+    monkeypatch.setattr(registry, "_registered", {})
+    registry.register(model)
+    return model, {"random": _as_text_reads(arrays)}
+
+
+def _small(count: int, sh_degree: int = 0) -> GaussianCloud:
+    """Gaussians so small that motion is worth its bytes."""
+    cloud = helpers.make_cloud(count, sh_degree, 3)
+    return replace(cloud, scales=cloud.scales - 3)
+
+
+def _waving(frames: list[GaussianCloud]) -> list[GaussianCloud]:
+    return [helpers.waving(cloud, 0.1 * index) for index, cloud in enumerate(frames)]
+
+
+_MOVING: dict[str, Any] = {"motion": MotionMode.ON, "control_spacing": 15}
+_SPREAD: dict[str, Any] = {**_MOVING, "compensation": Compensation.SPREAD}
+#: frames, and options of the encoder
+PRIOR_SEQUENCES: dict[str, tuple[Callable[[], list[GaussianCloud]], dict[str, Any]]] = {
+    "tracked": (lambda: helpers.drifting(helpers.real_cloud(300), 4), {}),
+    "one": (lambda: helpers.drifting(helpers.make_cloud(1), 3), {}),
+    "few": (lambda: helpers.all_changing(helpers.make_cloud(40, 1), 4), {}),
+    "all attributes": (lambda: helpers.all_changing(helpers.make_cloud(200, 3), 3), {}),
+    "uniform steps": (
+        lambda: helpers.all_changing(helpers.make_cloud(150, 1), 4),
+        {"visibility": False, "qp": 24},
+    ),
+    "several GoFs": (lambda: helpers.all_changing(helpers.make_cloud(100), 7), {"gof_size": 3}),
+    "verbatim": (lambda: helpers.all_changing(helpers.make_cloud(100), 3), {"intra": IntraKind.PLY}),
+    "motion": (lambda: _waving(helpers.still(_small(300), 5)), _MOVING),
+    "motion and change": (lambda: _waving(helpers.all_changing(_small(400, 1), 4)), _MOVING),
+    "spread": (lambda: _waving(helpers.all_changing(_small(300, 1), 4)), _SPREAD),
+    "spread, births and deaths": (lambda: helpers.succeeding(_small(300), 4), _SPREAD),
+    "births and deaths": (lambda: helpers.succeeding(_small(600), 4), {"control_spacing": 20}),
+    "lost order": (
+        lambda: helpers.succeeding(_small(300, 1), 4, shuffle=True),
+        {**_MOVING, "order": OutputOrder.INPUT},
+    ),
+    "levels left out, few coded": (
+        lambda: helpers.drifting(helpers.real_cloud(2300), 3, 0.05),
+        {"motion": MotionMode.OFF},
+    ),
+    "levels left out, all coded": (lambda: helpers.all_changing(helpers.make_cloud(2112), 3), {"qp": 24}),
+}
+
+
+@pytest.mark.parametrize("mode", [PriorMode.NETWORK, PriorMode.AUTO])
+@pytest.mark.parametrize("name", PRIOR_SEQUENCES)
+def test_priors(name: str, mode: PriorMode, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Networks and tables of random integers, in every stream or where they happen to do better."""
+    make, changes = PRIOR_SEQUENCES[name]
+    _, models = _random_prior(sorted(PRIOR_SEQUENCES).index(name), monkeypatch)
+    target = tmp_path / "random.dgs"
+    report = encode_sequence(make(), target, EncoderOptions(prior=mode, model_id="random", **changes))
+    assert sum(frame.kind == "P" for frame in report.frames) >= 2
+    _check_file(target.read_bytes(), models)
+
+
+#: seeds that together tell all inputs of the networks apart
+_TELLING = (1006, 1008, 1010, 1011, 1014, 1015, 1016, 1018, 1024, 1032, 1035, 1047, 1051, 1086)
+
+
+@pytest.mark.parametrize("seed", _TELLING)
+def test_random_choices_with_a_prior(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(seed)
+    model, models = _random_prior(seed, monkeypatch)
+    monkeypatch.setattr(streams, "SymbolWriter", RandomWriter)
+    monkeypatch.setattr(RandomWriter, "rng", rng)
+    _check_file(_random_file(rng, model), models)
+
+
+def test_logarithms_are_those_of_the_text() -> None:
+    values = np.concatenate([np.arange(4096), (1 << np.arange(3, 62)) - 1, 1 << np.arange(62)])
+    assert [spec_decoder.log(a) for a in values.tolist()] == log_of(values).tolist()
+
+
+def _with_model(data: bytes, **changes: Any) -> bytes:
+    """A file whose header names another model, or has another profile."""
+    chunks = helpers.split_chunks(data)
+    writer = ByteWriter()
+    replace(SequenceHeader.read(ByteReader(chunks[0].payload)), **changes).write(writer)
+    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
+
+
+@pytest.mark.parametrize("profile", [Profile.MAIN, Profile.PAPER])
+def test_models_that_do_not_fit(profile: Profile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    prior, models = _random_prior(0, monkeypatch)
+    arrays = random_arrays(0)
+    network = LatentModel.of_arrays("network", arrays)
+    registry.register(network)
+    models |= {"network": _as_text_reads(arrays)}
+    own, other = (prior, network) if profile == Profile.MAIN else (network, prior)
+    target = tmp_path / "sequence.dgs"
+    options = EncoderOptions(profile=profile, model_id=own.model_id)
+    encode_sequence(helpers.drifting(helpers.make_cloud(20), 2), target, options)
+    data = target.read_bytes()
+    assert len(_check_file(data, models)) == 2
+    named = {"model_id": other.model_id, "model_hash": other.digest[:8]}
+    refused: list[tuple[dict[str, Any], dict[str, Any]]] = [
+        (named, models),
+        ({"profile": Profile.PAPER if profile == Profile.MAIN else Profile.MAIN}, models),
+        ({"model_id": "unknown"}, models),
+        ({"model_hash": bytes(8)}, models),
+        ({"model_hash": other.digest[:8]}, models),
+    ]
+    if profile == Profile.PAPER:
+        refused.append(({"model_id": "", "model_hash": b""}, models))
+    for changes, known in refused:
+        damaged = _with_model(data, **changes)
+        with pytest.raises(BitstreamError) as caught:
+            list(SequenceDecoder(io.BytesIO(damaged)).frames())
+        assert caught.value.code == "model-mismatch"
+        with pytest.raises(spec_decoder.ModelMismatch):
+            list(spec_decoder.Decoder(damaged, known).frames())
+
+
+# --- section 19 -------------------------------------------------------------------------------------------
 
 
 def _patched(field: str, value: bytes, chunk: int = 0) -> bytes:
@@ -924,7 +1082,7 @@ def test_unknown_ancillary_chunks_are_skipped() -> None:
 def test_text_names_every_error() -> None:
     codes = {kind.code: kind.__name__ for kind in BitstreamError.__subclasses__()}
     codes |= {VerificationError.code: VerificationError.__name__}
-    text = SPEC[SPEC.index("## 18 ") : SPEC.index("## 19 ")]
+    text = SPEC[SPEC.index("## 19 ") : SPEC.index("## 20 ")]
     written = {code: name for name, code in re.findall(r"^\| `(\w+)` \| `([\w-]+)` \|", text, re.M)}
     assert written == codes
 

@@ -35,6 +35,8 @@ from dfcgs_codec.bitstream.frame_headers import IntraHeader
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
+from dfcgs_codec.encoder.prior_choice import PriorMode
+from dfcgs_codec.model.registry import installed
 from dfcgs_codec.ply import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -43,6 +45,7 @@ from tests import helpers  # noqa: E402
 
 FOLDER = ROOT / "tests" / "conformance"
 PAPER = EncoderOptions(profile=Profile.PAPER)
+NETWORK = EncoderOptions(prior=PriorMode.NETWORK)
 Sequence = tuple[list[GaussianCloud], EncoderOptions]
 
 
@@ -149,6 +152,20 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.all_changing(helpers.make_cloud(60, 1), 3),
             replace(PAPER, refinement=RefinementMode.ON, intra=IntraKind.PLY),
         ),
+        "plain_streams": (helpers.drifting(real, 3), replace(NETWORK, prior=PriorMode.PLAIN)),
+        "prior_tracked_sh2": (helpers.drifting(helpers.real_cloud(500), 4), replace(NETWORK, gof_size=3)),
+        "prior_all_attributes_sh3": (helpers.all_changing(helpers.make_cloud(80, 3), 4), NETWORK),
+        "prior_many_levels": (helpers.drifting(helpers.make_cloud(2100), 2), replace(NETWORK, qp=24)),
+        "prior_few_gaussians": (helpers.all_changing(helpers.make_cloud(7), 3), NETWORK),
+        "prior_uniform_steps": (
+            helpers.all_changing(helpers.make_cloud(70, 1), 3),
+            replace(NETWORK, visibility=False),
+        ),
+        "prior_motion": (_waving(900, 5), replace(NETWORK, control_spacing=20)),
+        "prior_births_and_deaths": (
+            helpers.succeeding(_minute(600), 5),
+            replace(NETWORK, control_spacing=20),
+        ),
         "odd_rate": (
             helpers.still(helpers.make_cloud(5), 2),
             EncoderOptions(frame_rate=Fraction(30000, 1001)),
@@ -214,6 +231,14 @@ def _with_opacity_unit(data: bytes, exponent: int) -> bytes:
     header = SequenceHeader.read(ByteReader(chunks[0].payload))
     writer = ByteWriter()
     replace(header, unit_exponents=replace(header.unit_exponents, opacity=exponent)).write(writer)
+    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
+
+
+def _with_model(data: bytes, model_id: str, model_hash: bytes) -> bytes:
+    chunks = helpers.split_chunks(data)
+    header = SequenceHeader.read(ByteReader(chunks[0].payload))
+    writer = ByteWriter()
+    replace(header, model_id=model_id, model_hash=model_hash).write(writer)
     return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
 
 
@@ -303,7 +328,7 @@ def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
         "text_mode": (valid.replace(b"\r\n", b"\n", 1), "NotADgsFile"),
         "foreign_glps": (b"glps" + valid[4:], "NotADgsFile"),
         "trailing_bytes": (valid + b"more", "CorruptBitstream"),
-        "version_5": (_chunks_with(valid, _in_chunk(header, 0, 5)), "UnsupportedBitstream"),
+        "version_6": (_chunks_with(valid, _in_chunk(header, 0, 6)), "UnsupportedBitstream"),
         "version_200": (_chunks_with(valid, _in_chunk(header, 0, 200)), "UnsupportedBitstream"),
         "unknown_profile": (_chunks_with(valid, _in_chunk(header, 1, 9)), "UnsupportedBitstream"),
         "paper_profile": (_chunks_with(valid, _in_chunk(header, 1, 1)), "ModelMismatch"),
@@ -314,6 +339,8 @@ def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
         "misplaced_topology": (_with_chunk(valid, ChunkType.TOPOLOGY), "CorruptBitstream"),
         "misplaced_motion": (_with_chunk(valid, ChunkType.MOTION), "CorruptBitstream"),
         "wrong_hash": (_chunks_with(valid, _in_chunk(ChunkType.INTRA_FRAME, 0, 0xAA)), "VerificationError"),
+        "another_prior": (_with_model(valid, "main-1", bytes(8)), "ModelMismatch"),
+        "model_of_paper": (_with_model(valid, "paper-1", installed("paper-1").digest[:8]), "ModelMismatch"),
         "no_intra_frame": (_without_intra(valid), "CorruptBitstream"),
     }
 
@@ -355,7 +382,7 @@ def _make_valid(expected: dict[str, object]) -> None:
 
 
 def _make_faulty(expected: dict[str, object]) -> None:
-    plain, moving = _read("skipped_frames_sh0"), _read("input_order_sh1")
+    plain, moving = _read("skipped_frames_sh0"), _read("prior_uniform_steps")
     streams = faulty_streams(plain) | more_faulty_streams(plain, moving)
     streams |= faulty_paper_streams(_read("paper"))
     for name, (data, error) in streams.items():

@@ -35,9 +35,9 @@ from dfcgs_codec.bitstream.io import ByteReader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec import gof_decoder
+from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.gof_state import GofSetup
-from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.motion import MIXED, MotionSymbols
 from dfcgs_codec.codec.side_information import (

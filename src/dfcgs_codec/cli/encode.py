@@ -16,6 +16,7 @@ from dfcgs_codec.api import encode_sequence
 from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder, Profile
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.encoder.options import EncoderOptions, MotionMode, RefinementMode
+from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES, Bound
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import VerificationError
@@ -84,6 +85,7 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         latent_step=values["latent_step"],
         refinement=RefinementMode(values["refinement"]),
         visibility=values["steps"] == "visibility",
+        prior=PriorMode(values["prior"]),
         intra=IntraKind[values["intra"].upper()],
         order=OutputOrder[values["order"].upper()],
         frame_rate=values["fps"],
@@ -194,6 +196,14 @@ def _summary(report: EncodeReport, target: Path) -> str:
     default="auto",
     show_default=True,
     help="Colour refinement, with --profile paper: where it brings colours nearer, or in every frame.",
+)
+@click.option(
+    "--prior",
+    type=click.Choice([mode.value for mode in PriorMode]),
+    default="auto",
+    show_default=True,
+    help="Where P-frames are coded with the frozen networks: auto where that takes fewer bytes; "
+    "plain: nowhere, which decodes faster.",
 )
 @click.option(
     "--steps",

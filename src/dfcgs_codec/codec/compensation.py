@@ -14,12 +14,14 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
+from dfcgs_codec.codec.activity import nonzero_rows, num_blocks
 from dfcgs_codec.codec.binding import Binding
+from dfcgs_codec.codec.control_context import ControlPrior
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.inter import nonzero_rows, num_blocks
 from dfcgs_codec.codec.motion import MotionShape, MotionSymbols
 from dfcgs_codec.codec.motion_field import FieldMotion, MotionField
 from dfcgs_codec.codec.reconstruct import scaled
+from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.control_points import CELL_LIMIT, control_cells, gather_from
 from dfcgs_codec.transform.morton import morton_keys
 from dfcgs_codec.transform.normalisation import Normalisation
@@ -135,10 +137,13 @@ class GofMotion:
         """Row of each control point's Gaussian, -1 of those that went."""
         return rows_of(self.origins, self.spreading.num_gaussians)[self.field.gaussians]
 
-    def shape(self, header: MotionHeader, block_log2: int) -> MotionShape:
-        """What the symbol walk needs."""
+    def shape(self, header: MotionHeader, block_log2: int, model: ContextModel | None) -> MotionShape:
+        """What the symbol walk needs; `model`: the frozen prior of the sequence."""
         coded = np.argsort(self.field.gaussians[: header.num_coded], kind="stable")
-        return MotionShape(coded, header.num_columns, block_log2)
+        prior = None
+        if model is not None and header.spread is None:
+            prior = ControlPrior.of(model, self.field, header, self.symbols.control)
+        return MotionShape(coded, header.num_columns, block_log2, prior)
 
     def history(self, block_log2: int) -> MotionSymbols:
         """The last motion symbols, modes zero where blocks were others."""

@@ -11,8 +11,9 @@ from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.dpb import FrameState, output
 from dfcgs_codec.codec.gof_decoder import GofDecoder
-from dfcgs_codec.errors import CorruptBitstream, UnsupportedBitstream
+from dfcgs_codec.errors import CorruptBitstream, ModelMismatch
 from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.model.registry import model_of_stream
 
@@ -26,15 +27,15 @@ _PARTS = (
 )
 
 
-def _model_of(sequence: SequenceHeader) -> LatentModel | None:
+def _model_of(sequence: SequenceHeader) -> LatentModel | ContextModel | None:
     """The model that the sequence needs; ModelMismatch where another is installed, or none."""
-    if sequence.profile == Profile.MAIN:
-        if sequence.model_id:
-            raise UnsupportedBitstream(
-                f"model {sequence.model_id!r} in profile MAIN: a newer decoder is needed"
-            )
+    if sequence.profile == Profile.MAIN and not sequence.model_id:
         return None
-    return model_of_stream(sequence.model_id, sequence.model_hash)
+    model = model_of_stream(sequence.model_id, sequence.model_hash)
+    wanted = ContextModel if sequence.profile == Profile.MAIN else LatentModel
+    if not isinstance(model, wanted):
+        raise ModelMismatch(f"model {sequence.model_id!r} is not one of profile {sequence.profile.name}")
+    return model
 
 
 @dataclass(frozen=True)

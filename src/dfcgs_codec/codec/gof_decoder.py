@@ -13,10 +13,11 @@ from dfcgs_codec.bitstream.io import ByteReader
 from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
+from dfcgs_codec.codec.activity import InterSymbols
 from dfcgs_codec.codec.compensation import Carried
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.inter import InterShape, InterSymbols, code_inter
+from dfcgs_codec.codec.inter import InterShape, code_inter
 from dfcgs_codec.codec.intra import IntraShape, code_intra
 from dfcgs_codec.codec.latent_motion import LatentReference, code_hyper, code_latents
 from dfcgs_codec.codec.motion import NUM_MOTION_STREAMS, MotionSymbols, code_motion
@@ -25,6 +26,7 @@ from dfcgs_codec.codec.symbol_reader import SymbolReader
 from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topology
 from dfcgs_codec.codec.verbatim import cloud_of_columns, code_verbatim, state_of
 from dfcgs_codec.errors import CorruptBitstream, VerificationError
+from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.latent_model import LatentModel, latents_of
 
 
@@ -82,8 +84,11 @@ def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHead
 class GofDecoder:
     """Decodes the frames of one GoF in turn; holds what they leave behind."""
 
-    def __init__(self, container: ContainerReader, check: bool, model: LatentModel | None) -> None:
-        self._model = model
+    def __init__(
+        self, container: ContainerReader, check: bool, model: LatentModel | ContextModel | None
+    ) -> None:
+        self._latents = model if isinstance(model, LatentModel) else None
+        self._prior = model if isinstance(model, ContextModel) else None
         self._container = container
         self._sequence = container.sequence
         self._check = check
@@ -94,7 +99,7 @@ class GofDecoder:
         reader = self._container.payload(head)
         header = IntraHeader.read(reader, self._sequence)
         frame = decode_intra(reader, header, self._sequence)
-        setup = GofSetup(header.control, self._sequence.unit_exponents)
+        setup = GofSetup(header.control, self._sequence.unit_exponents, self._prior)
         state = GofState.of_intra(frame, setup, header.steps)
         return self._keep(state, header.frame_hash, head)
 
@@ -106,7 +111,7 @@ class GofDecoder:
         reader = self._container.payload(head)
         header = InterHeader.read(reader, self._sequence)
         reader.expect_end("the P-frame header")
-        if self._model is not None:
+        if self._latents is not None:
             state = self._latent(head, header, state, next_chunk)
         else:
             state = self._main(head, header, state, next_chunk)
@@ -116,27 +121,29 @@ class GofDecoder:
         self, head: ChunkHead, header: InterHeader, state: GofState, next_chunk: Callable[[], ChunkHead]
     ) -> GofState:
         """The state after a P-frame of profile PAPER."""
-        assert self._model is not None
-        reference = LatentReference(self._model, state, self._sequence.unit_exponents)
+        assert self._latents is not None
+        reference = LatentReference(self._latents, state, self._sequence.unit_exponents)
         frame = state.frame
         if Tool.LATENT in header.tools:
             hyper = None
-            if self._model.has_hyperprior:
+            if self._latents.has_hyperprior:
                 chunk = self._open(head, next_chunk(), ChunkType.HYPERPRIOR)
                 coder, count = _Streams.only(chunk), len(reference.rows)
-                hyper = code_hyper(coder, None, self._model, count)
+                hyper = code_hyper(coder, None, self._latents, count)
                 coder.finish()
             chunk = self._open(head, next_chunk(), ChunkType.MOTION)
             offset, latent = chunk.offset, LatentHeader.read(chunk)
             if latent.num_coded != len(reference.rows):
                 raise CorruptBitstream(f"{latent.num_coded} control points have latents", offset=offset)
             coder = _Streams.only(chunk)
-            mean, indices = self._model.distribution(hyper, reference.prior(reference.rows), latent.step_log2)
+            mean, indices = self._latents.distribution(
+                hyper, reference.prior(reference.rows), latent.step_log2
+            )
             symbols = code_latents(coder, None, indices)
             coder.finish()
             frame = reference.moved(latent, latents_of(symbols, mean, latent.step_log2))
         if Tool.REFINEMENT in header.tools:
-            if not self._model.has_refinement:
+            if not self._latents.has_refinement:
                 raise CorruptBitstream("REFINEMENT by a model without it", offset=head.offset)
             frame = reference.refined(frame)
         return state.after(frame, InterSymbols(), None)
@@ -217,7 +224,7 @@ def _read_motion(reader: ByteReader, state: GofState, block_log2: int) -> tuple[
     motion = state.motion()
     header = MotionHeader.read(reader, motion.field.num_points)
     streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)))
-    shape = motion.shape(header, block_log2)
+    shape = motion.shape(header, block_log2, state.model)
     symbols = code_motion(streams.next, None, motion.history(block_log2), shape)
     streams.close()
     return motion.carry(header, symbols, state.frame), symbols
@@ -228,7 +235,8 @@ def _read_residual(
 ) -> InterSymbols:
     activity = None if moved is None else moved.activity()
     attributes, count = sorted(header.steps), state.frame.num_gaussians
-    shape = InterShape(attributes, count, header.block_log2, state.levels, activity)
+    prior = state.prior(header.visibility, moved)
+    shape = InterShape(attributes, count, header.block_log2, state.levels, activity, prior)
     streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes))
     symbols = code_inter(streams.next, None, state.history, shape)
     streams.close()

@@ -10,13 +10,16 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.codec.activity import InterSymbols
 from dfcgs_codec.codec.compensation import Carried, ControlSource, GofMotion
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.inter import InterSymbols
+from dfcgs_codec.codec.inter_prior import Prior
 from dfcgs_codec.codec.motion import MotionSymbols
 from dfcgs_codec.codec.reconstruct import gof_levels
+from dfcgs_codec.codec.residual_context import gaussian_inputs
 from dfcgs_codec.codec.topology import insertion
 from dfcgs_codec.codec.visibility import Visibility
+from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.lod import GofLevels
 from dfcgs_codec.transform.rotation import round_divide
 
@@ -25,10 +28,11 @@ Int64 = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class GofSetup:
-    """What an I-frame's state does not say of its GoF: its control points and the units of the grids."""
+    """What an I-frame's state does not say of its GoF: control points, units of grids, the frozen prior."""
 
     control: ControlHeader
     units: UnitExponents
+    model: ContextModel | None = None
 
 
 @dataclass(frozen=True)
@@ -45,17 +49,29 @@ class GofState:
     visibility: Visibility
     history: InterSymbols = field(default_factory=InterSymbols)
     moved: GofMotion | None = None
+    model: ContextModel | None = None
 
     @staticmethod
     def of_intra(frame: FrameState, setup: GofSetup, steps: dict[Attribute, int]) -> GofState:
         """After the GoF's I-frame."""
         source = ControlSource(frame.planes[Attribute.POSITION], setup.control)
         step = steps.get(Attribute.POSITION, 1)
-        return GofState(frame, gof_levels(frame, steps), source, step, Visibility(frame, setup.units))
+        levels, visibility = gof_levels(frame, steps), Visibility(frame, setup.units)
+        return GofState(frame, levels, source, step, visibility, model=setup.model)
 
     def motion(self) -> GofMotion:
         """The motion of the GoF so far."""
         return self.moved or self.control.motion()
+
+    def prior(self, levels: dict[Attribute, int], moved: MotionSymbols | None) -> Prior | None:
+        """What the frozen prior is told of the next residual: `levels` of visibility steps, who moved."""
+        if self.model is None:
+            return None
+        binding = None if self.moved is None else self.moved.binding
+        follows = None if moved is None else moved.follows
+        gaussians = gaussian_inputs(binding, follows, self.frame.num_gaussians)
+        coarser = {a: self.visibility.coarseness(a, level) for a, level in levels.items()}
+        return Prior(self.model, gaussians, coarser)
 
     def survivors(self, kept: Int64, block_log2: int) -> GofState:
         """Without the Gaussians that are not among the rows `kept`."""

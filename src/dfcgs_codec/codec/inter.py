@@ -1,4 +1,4 @@
-"""The symbol walk of P-frames with zero motion, one stream per attribute (spec section 12).
+"""The symbol walk of a P-frame's residual, one stream per attribute (spec section 12).
 
 Blocks of Gaussians in canonical order carry a density class (none, few, some, all significant) and a
 magnitude class; Gaussians of partly significant blocks carry a flag; significant ones carry symbols.
@@ -8,116 +8,35 @@ Contexts are these classes and what the previous frame and earlier components di
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.codec.activity import (
+    DENSE,
+    NUM_DENSITIES,
+    NUM_MAGNITUDES,
+    AttributeActivity,
+    InterSymbols,
+    num_blocks,
+    num_inter_columns,
+    row_sums,
+)
 from dfcgs_codec.codec.component import EarlierPasses, code_component
+from dfcgs_codec.codec.inter_prior import Prior, PriorContext, code_with_prior
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
 from dfcgs_codec.entropy.symbols import Groups, code_residuals, code_with_models
-from dfcgs_codec.transform.lod import GofLevels, LevelsOfDetail, ladder
+from dfcgs_codec.transform.lod import GofLevels, LevelsOfDetail
 
 Bool = npt.NDArray[np.bool_]
 
-NUM_DENSITIES = 4
-DENSE = NUM_DENSITIES - 1
-#: magnitude classes are half octaves of the mean magnitude, in quarters of a symbol
-NUM_MAGNITUDES = 24
-#: with more significant Gaussians than this, all are coded, and their nearest neighbours help
-_ALL_DENSE_SHARE = 0.85
 #: middle of each magnitude class, in quarters of a symbol: round(2**((class - 0.5) / 2))
 _CLASS_MIDDLES = np.array(
     (0, 1, 2, 2, 3, 5, 7, 10, 13, 19, 27, 38, 54, 76, 108, 152, 215, 304, 431, 609, 861, 1218, 1722, 2435),
     np.int64,
 )
-
-
-def row_sums(values: Int64) -> Int64:
-    """Sum of each row of `values` (N, C)."""
-    total = values[:, 0].copy()
-    for column in range(1, values.shape[1]):
-        total += values[:, column]
-    return total
-
-
-def nonzero_rows(values: Int64) -> Bool:
-    """Whether each row of `values` (N, C) holds anything but zeros."""
-    # column by column: numpy's any() over a short last axis is ten times slower
-    found: Bool = values[:, 0] != 0
-    for column in range(1, values.shape[1]):
-        found |= values[:, column] != 0
-    return found
-
-
-@dataclass
-class AttributeActivity:
-    """What an attribute did in the previous frame; zeros after an I-frame and where it was absent.
-
-    `symbols` int64 (N, C); `density` and `magnitude` int64 (blocks,).
-    """
-
-    symbols: Int64
-    density: Int64
-    magnitude: Int64
-
-    @staticmethod
-    def none(num_gaussians: int, num_columns: int, num_blocks: int) -> AttributeActivity:
-        """Nothing happened."""
-        zero = np.zeros(num_blocks, np.int64)
-        return AttributeActivity(np.zeros((num_gaussians, num_columns), np.int64), zero, zero)
-
-    def merged(self, num_births: int, source: Int64, num_blocks: int) -> AttributeActivity:
-        """The same after Gaussians went and came, blocks forgotten.
-
-        Row i of the result is row source[i] of these and of births, which have no symbols.
-        """
-        births = np.zeros((num_births, self.symbols.shape[1]), np.int64)
-        zero = np.zeros(num_blocks, np.int64)
-        return AttributeActivity(np.concatenate([self.symbols, births])[source], zero, zero)
-
-    def significant(self) -> Bool:
-        """Whether each Gaussian has a symbol other than zero."""
-        return nonzero_rows(self.symbols)
-
-
-@dataclass(frozen=True)
-class InterSymbols:
-    """What a P-frame carries: for each attribute present its symbols and block classes."""
-
-    activity: dict[Attribute, AttributeActivity] = field(default_factory=dict)
-
-    def merged(self, num_births: int, source: Int64, block_log2: int) -> InterSymbols:
-        """See AttributeActivity.merged."""
-        blocks = num_blocks(len(source), block_log2)
-        return InterSymbols({a: x.merged(num_births, source, blocks) for a, x in self.activity.items()})
-
-
-def num_inter_columns(attribute: Attribute) -> int:
-    """Columns of an attribute's symbols in a P-frame; a turn has three."""
-    return 3 if attribute == Attribute.ROTATION else STATE_COLUMNS[attribute]
-
-
-def num_blocks(num_gaussians: int, block_log2: int) -> int:
-    """Blocks of 2**block_log2 Gaussians, the last one perhaps shorter."""
-    return -(-num_gaussians >> block_log2)
-
-
-def classify_blocks(symbols: Int64, block_log2: int) -> tuple[Int64, Int64]:
-    """Density and magnitude class of each block of `symbols` (N, C); an encoder's choice."""
-    starts = np.arange(0, len(symbols), 1 << block_log2)
-    magnitude = row_sums(np.abs(symbols))
-    significant = np.add.reduceat((magnitude > 0).astype(np.int64), starts)
-    size = np.diff(np.append(starts, len(symbols)))
-    density = np.where(significant * 4 < size, 1, 2)
-    density = np.where(significant == size, DENSE, density)
-    density[significant == 0] = 0
-    if significant.sum() > _ALL_DENSE_SHARE * len(symbols):
-        density[:] = DENSE
-    total = np.add.reduceat(magnitude, starts) * 4
-    mean = total // np.maximum(significant * symbols.shape[1], 1)
-    return density, ladder(mean, NUM_MAGNITUDES)
 
 
 def _code_density(coder: SymbolCoder, density: Int64 | None, before: Int64, beside: Int64) -> Int64:
@@ -190,13 +109,14 @@ def _code_columns(
 
 @dataclass(frozen=True)
 class InterShape:
-    """What headers, reference and motion say that the walk needs."""
+    """What headers, reference and motion say that the walk needs; `prior`: where the sequence has a model."""
 
     attributes: list[Attribute]
     num_gaussians: int
     block_log2: int
     levels: GofLevels
     moved: AttributeActivity | None = None
+    prior: Prior | None = None
 
 
 def code_inter_attribute(
@@ -239,6 +159,25 @@ def code_inter(
         if before is None or len(before.density) != blocks:
             before = AttributeActivity.none(shape.num_gaussians, columns, blocks)
         target = None if symbols is None else symbols.activity[attribute]
-        beside = code_inter_attribute(next_coder(), target, before, beside, shape)
+        if shape.prior is None:
+            beside = code_inter_attribute(next_coder(), target, before, beside, shape)
+        else:
+            context = PriorContext(
+                attribute, shape.prior, before, beside, history, dict(coded), shape.levels, shape.block_log2
+            )
+            beside = _code_either(next_coder(), target, context, shape).remembering(before)
         coded[attribute] = beside
     return InterSymbols(coded)
+
+
+def _code_either(
+    coder: SymbolCoder, target: AttributeActivity | None, context: PriorContext, shape: InterShape
+) -> AttributeActivity:
+    """The stream of one attribute, with the prior or without, as the stream says."""
+
+    def walk(chosen: SymbolCoder, with_prior: bool) -> AttributeActivity:
+        if with_prior:
+            return code_with_prior(chosen, target, context)
+        return code_inter_attribute(chosen, target, context.before, context.beside, shape)
+
+    return coder.either(walk)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.codec.activity import AttributeActivity, num_blocks
 from dfcgs_codec.codec.component import EarlierPasses, code_component
-from dfcgs_codec.codec.inter import AttributeActivity, num_blocks
+from dfcgs_codec.codec.control_context import ControlPrior
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
 from dfcgs_codec.entropy.symbols import Groups, code_with_models
 from dfcgs_codec.transform.lod import order_levels
@@ -58,12 +59,14 @@ class MotionSymbols:
 class MotionShape:
     """What headers and control points say that the walk needs.
 
-    `coded` (k,): ranks of the control points with symbols, in GoF order; `num_columns` 3, 6 or 7.
+    `coded` (k,): ranks of the control points with symbols, in GoF order; `num_columns` 3, 6 or 7; `prior`:
+    where the sequence has a model and the rule is GATHER.
     """
 
     coded: Int64
     num_columns: int
     block_log2: int
+    prior: ControlPrior | None = None
 
 
 def classify_modes(follows: Bool, block_log2: int) -> Int64:
@@ -126,5 +129,21 @@ def code_motion(
     control = np.zeros((len(history.control), NUM_CONTROL_COLUMNS), np.int64)
     target = None if symbols is None else symbols.control[shape.coded]
     before = history.control[shape.coded]
-    control[shape.coded] = _code_control(next_coder(), target, before, shape.num_columns)
+    control[shape.coded] = _code_either(next_coder(), target, before, shape)
     return MotionSymbols(control, modes, follows)
+
+
+def _code_either(coder: SymbolCoder, target: Int64 | None, before: Int64, shape: MotionShape) -> Int64:
+    """Symbols (k, 7) with the prior or without, as the stream says; without any control points, nothing."""
+    prior = shape.prior
+    if prior is None or not len(before):
+        return _code_control(coder, target, before, shape.num_columns)
+
+    def walk(chosen: SymbolCoder, with_prior: bool) -> Int64:
+        if not with_prior:
+            return _code_control(chosen, target, before, shape.num_columns)
+        result = np.zeros((len(before), NUM_CONTROL_COLUMNS), np.int64)
+        result[:, : shape.num_columns] = prior.code(chosen, target, shape.coded, before, shape.num_columns)
+        return result
+
+    return coder.either(walk)

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
+from dfcgs_codec.codec.activity import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.inter import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.visibility import MULTIPLIER_BITS
 from dfcgs_codec.errors import CorruptBitstream

@@ -8,8 +8,8 @@ so that a reader never computes it (spec section 11).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,10 +20,14 @@ from dfcgs_codec.entropy.coder import Model, RangeCoder
 Int64 = npt.NDArray[np.int64]
 UInt8 = npt.NDArray[np.uint8]
 
+T = TypeVar("T")
+
 #: residuals (int64) and their contexts (uint8), of the same length
 ResidualEvidence = Callable[[], tuple[Int64, UInt8]]
-#: features (a list of int64 arrays) and the integers they should predict
-WeightEvidence = Callable[[], tuple[list[Int64], Int64]]
+#: an encoder's floats will do where it only chooses
+AnyReal = npt.NDArray[np.int64] | npt.NDArray[np.float64]
+#: features (a list of arrays) and the integers they should predict
+WeightEvidence = Callable[[], tuple[Sequence[AnyReal], Int64]]
 #: symbols and their contexts
 HistogramEvidence = Callable[[], tuple[Int64, UInt8]]
 #: values, the component that guides their histogram (or None), and a function that codes them predicted
@@ -53,6 +57,10 @@ class SymbolCoder(RangeCoder, Protocol):
 
     def choice(self, size: int, evidence: Callable[[], int]) -> int:
         """A number 0 <= choice < size."""
+        ...
+
+    def either(self, walk: Callable[[SymbolCoder, bool], T]) -> T:
+        """A stream that is walked in one of two ways, and says which in its first symbol."""
         ...
 
     def layout(self, evidence: LayoutEvidence) -> HistogramLayout | None:

@@ -107,9 +107,14 @@ class Visibility:
         """By what 256ths the step of each Gaussian is coarser, (N, 1): those of weight `level` have 256."""
         known = self._multipliers.get(attribute)
         if known is None or known[0] != level:
-            coarseness = np.clip((level - self.weights(attribute)) >> 3, 0, MAX_COARSENESS)
-            known = self._multipliers[attribute] = (level, _MULTIPLIERS[coarseness][:, None])
+            coarser = _MULTIPLIERS[self.coarseness(attribute, level)][:, None]
+            known = self._multipliers[attribute] = (level, coarser)
         return known[1]
+
+    def coarseness(self, attribute: Attribute, level: int) -> Int64:
+        """The same in quarter octaves, (N,)."""
+        coarseness: Int64 = np.clip((level - self.weights(attribute)) >> 3, 0, MAX_COARSENESS)
+        return coarseness
 
     def all_multipliers(self, levels: Mapping[Attribute, int]) -> dict[Attribute, Int64]:
         """`multipliers` of each attribute that has a level."""

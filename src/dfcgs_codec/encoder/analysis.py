@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import MAX_SORT_BITS, Attribute
 from dfcgs_codec.bitstream.frame_headers import SortGrid
+from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols, classify_blocks, nonzero_rows
 from dfcgs_codec.codec.dpb import FrameState
-from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols, classify_blocks, nonzero_rows
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.transform.morton import canonical_order, morton_keys

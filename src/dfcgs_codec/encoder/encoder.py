@@ -55,7 +55,7 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     first, _ = source.read(0)
     reach = float(np.abs(first.positions).max())
     quantisation = plan_quantisation(options.qp, options.bounds, first, reach)
-    model = None if options.profile == Profile.MAIN else installed(options.model_id)
+    model = installed(options.model) if options.model else None
     header = SequenceHeader(
         profile=options.profile,
         level=_level(max(counts), len(counts)),

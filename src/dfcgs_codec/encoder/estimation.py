@@ -5,6 +5,7 @@ Floats are welcome here: whatever is chosen is written to the stream as integers
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -19,6 +20,7 @@ from dfcgs_codec.codec.side_information import (
     WEIGHT_FRACTION_BITS,
     HistogramLayout,
 )
+from dfcgs_codec.codec.symbols import AnyReal
 from dfcgs_codec.entropy.coder import scale_model
 from dfcgs_codec.entropy.tables import (
     NUM_BASE_SCALES,
@@ -81,7 +83,7 @@ def _histogram(residuals: Int64, contexts: UInt8, num_contexts: int) -> Int64:
     return counts.reshape(num_contexts, -1)
 
 
-def _table_costs(residuals: Int64, contexts: UInt8, num_contexts: int) -> Float64:
+def table_costs(residuals: Int64, contexts: UInt8, num_contexts: int) -> Float64:
     """Bits of each context's residuals with each table; (contexts, 3, 160), inf where not tried."""
     costs = np.full((num_contexts, NUM_SHAPES, NUM_SCALES), np.inf)
     counts = np.bincount(contexts, minlength=num_contexts)
@@ -121,7 +123,7 @@ def fit_tables(residuals: Int64, contexts: UInt8, num_contexts: int) -> Int64:
     if not len(used):
         tables[0] = Shape.LAPLACE * NUM_SCALES
         return tables
-    costs = _table_costs(residuals, contexts, num_contexts)
+    costs = table_costs(residuals, contexts, num_contexts)
     scale_bits, shape_bits = _side_lengths()
     # the first scale has a table of its own, of sigma 16
     bits = 5.0 + 0.13 * np.abs(np.arange(1 - NUM_SCALES, NUM_SCALES))
@@ -141,7 +143,7 @@ def fit_tables(residuals: Int64, contexts: UInt8, num_contexts: int) -> Int64:
     return tables
 
 
-def fit_weights(features: list[Int64], goal: Int64) -> Int64:
+def fit_weights(features: Sequence[AnyReal], goal: Int64) -> Int64:
     """Q8 weights (len(features),) of the least-squares prediction; those that do not pay are 0."""
     weights = np.zeros(len(features), np.int64)
     stride = max(1, len(goal) // _MAX_FIT_ROWS)

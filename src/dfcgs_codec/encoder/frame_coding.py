@@ -17,16 +17,17 @@ from dfcgs_codec.bitstream.frame_headers import (
 )
 from dfcgs_codec.bitstream.io import ByteWriter
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
-from dfcgs_codec.codec.compensation import GofMotion
+from dfcgs_codec.codec.activity import InterSymbols
 from dfcgs_codec.codec.dpb import FrameState, Plane, verbatim_columns
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.inter import InterShape, InterSymbols, code_inter
+from dfcgs_codec.codec.inter import InterShape, code_inter
 from dfcgs_codec.codec.intra import IntraShape, IntraSymbols, code_intra
 from dfcgs_codec.codec.motion import code_motion
 from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
 from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topology
 from dfcgs_codec.codec.verbatim import VerbatimSymbols, code_verbatim
 from dfcgs_codec.encoder.motion_choice import MotionTrial
+from dfcgs_codec.encoder.prior_choice import PriorChoice, PriorMode
 from dfcgs_codec.encoder.streams import Streams
 
 Int64 = npt.NDArray[np.int64]
@@ -55,6 +56,7 @@ class ResidualCoding:
     steps: dict[Attribute, int]
     block_log2: int
     visibility: dict[Attribute, int] = field(default_factory=dict)
+    choice: PriorChoice = field(default_factory=lambda: PriorChoice(PriorMode.AUTO))
 
     def of(self, attributes: list[Attribute]) -> ResidualCoding:
         """That of some of the attributes."""
@@ -142,19 +144,26 @@ def _chunk_of_streams(kind: ChunkType, frame_index: int, head: ByteWriter, strea
     return write_chunk(kind, frame_index, head.getvalue())
 
 
-def _motion_chunk(frame_index: int, motion: GofMotion, trial: MotionTrial, block_log2: int) -> bytes:
+def _motion_chunk(frame_index: int, before: GofState, trial: MotionTrial, coding: ResidualCoding) -> bytes:
     writer = ByteWriter()
     trial.header.write(writer)
-    streams = Streams()
-    shape = motion.shape(trial.header, block_log2)
+    motion, block_log2 = before.motion(), coding.block_log2
+    streams = Streams([None, coding.choice.preferred(None)])
+    shape = motion.shape(trial.header, block_log2, before.model)
     code_motion(streams.next, trial.symbols, motion.history(block_log2), shape)
+    coding.choice.learn(None, streams.preferred[1])
     return _chunk_of_streams(ChunkType.MOTION, frame_index, writer, streams.finish())
 
 
-def _residual_chunk(frame_index: int, symbols: InterSymbols, state: GofState, shape: InterShape) -> bytes:
-    streams = Streams()
-    code_inter(streams.next, symbols, state.history, shape)
-    return _chunk_of_streams(ChunkType.RESIDUAL, frame_index, ByteWriter(), streams.finish())
+def _residual_chunk(
+    frame_index: int, symbols: InterSymbols, state: GofState, shape: InterShape, choice: PriorChoice
+) -> tuple[bytes, InterSymbols]:
+    """The chunk, and what is remembered of its symbols."""
+    streams = Streams([choice.preferred(attribute) for attribute in shape.attributes])
+    coded = code_inter(streams.next, symbols, state.history, shape)
+    for attribute, with_prior in zip(shape.attributes, streams.preferred, strict=True):
+        choice.learn(attribute, with_prior)
+    return _chunk_of_streams(ChunkType.RESIDUAL, frame_index, ByteWriter(), streams.finish()), coded
 
 
 def _topology(
@@ -196,12 +205,15 @@ def code_inter_frame(
     activity, carried, source = None, None, None
     predicted = before.frame
     if trial is not None:
-        chunks.append(_motion_chunk(frame_index, before.motion(), trial, block_log2))
+        chunks.append(_motion_chunk(frame_index, before, trial, coding))
         predicted, activity = trial.carried.state, trial.symbols.activity()
         carried = (trial.carried, trial.symbols)
     if used.steps:
-        shape = InterShape(list(used.steps), predicted.num_gaussians, block_log2, before.levels, activity)
-        chunks.append(_residual_chunk(frame_index, symbols, before, shape))
+        prior = before.prior(used.visibility, None if trial is None else trial.symbols)
+        count = predicted.num_gaussians
+        shape = InterShape(list(used.steps), count, block_log2, before.levels, activity, prior)
+        chunk, symbols = _residual_chunk(frame_index, symbols, before, shape, coding.choice)
+        chunks.append(chunk)
     coarser = before.visibility.all_multipliers(used.visibility)
     frame = reconstruct_inter(symbols, used.steps, predicted, coarser)
     state = before.after(frame, symbols, carried)

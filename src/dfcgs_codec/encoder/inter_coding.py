@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfcgs_codec.bitstream.constants import Attribute, Compensation, OutputOrder
+from dfcgs_codec.codec.activity import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.gof_state import GofState
-from dfcgs_codec.codec.inter import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.topology import TopologySymbols
 from dfcgs_codec.codec.visibility import Visibility
 from dfcgs_codec.encoder.analysis import (
@@ -26,6 +26,7 @@ from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
 from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
+from dfcgs_codec.encoder.prior_choice import PriorChoice
 from dfcgs_codec.encoder.spread_motion import spread_header, spread_motion
 from dfcgs_codec.encoder.targets import ordered
 from dfcgs_codec.transform.rotation import round_divide
@@ -66,6 +67,7 @@ class InterCoder:
 
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
+        self._choice = PriorChoice(plan.options.prior)
         self._known_levels: tuple[Visibility, dict[Attribute, int]] | None = None
 
     def code(self, task: InterTask) -> tuple[CodedFrame, MotionHint | None]:
@@ -115,7 +117,7 @@ class InterCoder:
         if options.motion != MotionMode.ONLY:
             symbols = inter_symbols(task.target, task.before, states, quantiser)
         change = None if task.births is None else task.births.change
-        coding = ResidualCoding(quantisation.steps, BLOCK_LOG2, levels)
+        coding = ResidualCoding(quantisation.steps, BLOCK_LOG2, levels, self._choice)
         return code_inter_frame(task.index, symbols, task.state, coding, trial, change)
 
     def _levels(self, visibility: Visibility) -> dict[Attribute, int]:
@@ -155,6 +157,7 @@ class InterCoder:
             forced,
             task.hint,
             mode != MotionMode.ONLY,
+            state.model,
         )
         if self._plan.options.compensation == Compensation.SPREAD:
             return spread_motion(motion_task, spread_header(self._plan, state.motion().field.num_points))

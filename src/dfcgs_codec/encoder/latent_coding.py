@@ -16,9 +16,9 @@ from dfcgs_codec.bitstream.container import write_chunk
 from dfcgs_codec.bitstream.frame_headers import InterHeader
 from dfcgs_codec.bitstream.io import ByteWriter
 from dfcgs_codec.bitstream.motion_header import LatentHeader, SpreadHeader
+from dfcgs_codec.codec.activity import InterSymbols
 from dfcgs_codec.codec.dpb import SH_BANDS, FrameState
 from dfcgs_codec.codec.gof_state import GofState
-from dfcgs_codec.codec.inter import InterSymbols
 from dfcgs_codec.codec.latent_motion import LatentReference, code_hyper, code_latents
 from dfcgs_codec.encoder.analysis import Planes
 from dfcgs_codec.encoder.frame_coding import CodedFrame

@@ -19,6 +19,7 @@ from dfcgs_codec.encoder.analysis import Planes, moved_rows
 from dfcgs_codec.encoder.motion_estimation import Moments, MotionQuantiser, ancestors_of, measure, trusted
 from dfcgs_codec.encoder.motion_judge import MotionJudge
 from dfcgs_codec.encoder.streams import Streams
+from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.rotation import STEREO_ONE
 
 Int64 = npt.NDArray[np.int64]
@@ -60,7 +61,7 @@ class MotionTask:
 
     `multipliers`: by what 256ths the steps of each Gaussian are coarser, (N, 1), where they are not one;
     `is_forced`: whether it moves, even where that does not pay; `hint`: what was best in the frame before;
-    `has_residual`: whether one follows.
+    `has_residual`: whether one follows; `model`: the frozen prior of the sequence.
     """
 
     motion: GofMotion
@@ -73,6 +74,7 @@ class MotionTask:
     is_forced: bool = False
     hint: MotionHint | None = None
     has_residual: bool = True
+    model: ContextModel | None = None
 
 
 @dataclass(frozen=True)
@@ -105,9 +107,14 @@ def motion_steps(task: MotionTask) -> tuple[int, int]:
 
 def _control_bytes(task: MotionTask, header: MotionHeader, control: Int64) -> int:
     """Bytes of the control points' symbols."""
-    streams, motion = Streams(), task.motion
+    streams, motion = Streams([None, task.model is not None]), task.motion
     symbols = replace(motion.history(task.block_log2), control=control)
-    code_motion(streams.next, symbols, motion.history(task.block_log2), motion.shape(header, task.block_log2))
+    code_motion(
+        streams.next,
+        symbols,
+        motion.history(task.block_log2),
+        motion.shape(header, task.block_log2, task.model),
+    )
     return len(streams.finish()[1])
 
 

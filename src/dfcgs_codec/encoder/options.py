@@ -18,9 +18,10 @@ from dfcgs_codec.bitstream.constants import (
     OutputOrder,
     Profile,
 )
+from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, QUALITIES, Bound
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.model.registry import DEFAULT_MODEL
+from dfcgs_codec.model.registry import DEFAULT_MODEL, DEFAULT_PRIOR
 
 MAX_GOF_SIZE = 1 << 16
 #: frames at most from one I-frame to the next where the encoder chooses
@@ -70,10 +71,10 @@ class EncoderOptions:
     the order and signs of each Gaussian's axes as they were; `compensation` SPREAD is the paper's rule, with
     control points moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one
     control point for `control_spacing` Gaussians (M of the paper);
-    `visibility`: steps of residuals are coarser for what shows less;
-    `jobs` processes.
+    `visibility`: steps of residuals are coarser for what shows less; `prior`: which streams of P-frames take
+    the frozen prior; `model_id` names another model than the profile's own; `jobs` processes.
 
-    With `profile` PAPER P-frames have motion by the network `model_id` and nothing else: `latent_step` is the
+    With `profile` PAPER P-frames have motion by the model's network and nothing else: `latent_step` is the
     paper's q', a power of two, and a `gof_size` of None means its 10 frames.
     """
 
@@ -91,7 +92,8 @@ class EncoderOptions:
     control_spacing: int = 70
     num_neighbours: int = 30
     profile: Profile = Profile.MAIN
-    model_id: str = DEFAULT_MODEL
+    model_id: str | None = None
+    prior: PriorMode = PriorMode.AUTO
     latent_step: float = 1.0
     refinement: RefinementMode = RefinementMode.AUTO
     visibility: bool = True
@@ -114,10 +116,10 @@ class EncoderOptions:
             f"--latent-step {self.latent_step}: a power of two, 1/16 to 64, was expected": (
                 MIN_LATENT_STEP_LOG2 <= _log2(self.latent_step) <= MAX_LATENT_STEP_LOG2
             ),
-            "--motion, --compensation and --steps belong to --profile main; paper has its own motion": (
+            "--motion, --compensation, --steps and --prior belong to --profile main; paper has its own": (
                 self.profile == Profile.MAIN
-                or (self.motion, self.compensation, self.visibility)
-                == (MotionMode.AUTO, Compensation.GATHER, True)
+                or (self.motion, self.compensation, self.visibility, self.prior)
+                == (MotionMode.AUTO, Compensation.GATHER, True, PriorMode.AUTO)
             ),
             "--latent-step and --refinement belong to --profile paper": (
                 self.profile == Profile.PAPER
@@ -138,6 +140,13 @@ class EncoderOptions:
         """log2 of `latent_step`."""
         return int(_log2(self.latent_step))
 
+    @property
+    def model(self) -> str:
+        """Id of the model that the sequence names, empty where it needs none."""
+        if self.profile == Profile.PAPER:
+            return self.model_id or DEFAULT_MODEL
+        return "" if self.prior == PriorMode.PLAIN else self.model_id or DEFAULT_PRIOR
+
     def describe(self) -> str:
         """The settings in one line, for the file's encoder information."""
         if self.profile == Profile.PAPER:
@@ -146,6 +155,7 @@ class EncoderOptions:
         bounds = "".join(f" bound {bound.attribute}={bound.value:g}" for bound in self.bounds)
         return (
             f"dfcgs-codec {__version__} qp={self.qp:g} gof_size={self.gof_size or 'auto'}"
+            f" prior={self.prior.value}{'/' if self.model else ''}{self.model}"
             f" motion={motion} control={self.control_rule.name.lower()}/{self.control_spacing}"
             f" steps={'visibility' if self.visibility else 'uniform'}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
@@ -153,7 +163,7 @@ class EncoderOptions:
 
     def _describe_paper(self) -> str:
         return (
-            f"dfcgs-codec {__version__} profile=paper model={self.model_id} qp={self.qp:g}"
+            f"dfcgs-codec {__version__} profile=paper model={self.model} qp={self.qp:g}"
             f" gof_size={self.gof_size or PAPER_GOF_SIZE} latent_step={self.latent_step:g}"
             f" control={self.control_rule.name.lower()}/{self.control_spacing}"
             f" neighbours={self.num_neighbours} refinement={self.refinement.value}"

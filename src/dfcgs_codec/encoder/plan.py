@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.constants import Attribute, Profile
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.gof_state import GofSetup
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.rate_control import Quantisation
+from dfcgs_codec.model.context_model import ContextModel
+from dfcgs_codec.model.registry import context_model
 
 #: log2 of the Gaussians in a significance block
 BLOCK_LOG2 = 6
@@ -34,4 +36,11 @@ class SequencePlan:
         """Units, and how control points are chosen: a cell is about as wide as a position step."""
         shift = self.steps[Attribute.POSITION].bit_length() - 1
         control = ControlHeader(self.options.control_rule, self.options.control_spacing, shift)
-        return GofSetup(control, self.quantisation.units)
+        return GofSetup(control, self.quantisation.units, self.context_model)
+
+    @property
+    def context_model(self) -> ContextModel | None:
+        """The frozen prior, where the sequence names one."""
+        if self.header.profile != Profile.MAIN or not self.header.model_id:
+            return None
+        return context_model(self.header.model_id)

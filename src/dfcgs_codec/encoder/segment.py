@@ -36,7 +36,7 @@ from dfcgs_codec.encoder.report import EncodeReport, FrameRecord
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.triage import is_tracked
 from dfcgs_codec.gaussians import GaussianCloud
-from dfcgs_codec.model.registry import installed
+from dfcgs_codec.model.registry import latent_model
 from dfcgs_codec.sequence import FrameSource
 from dfcgs_codec.transform.rotation import round_divide
 
@@ -110,12 +110,14 @@ class SegmentEncoder:
         self._inter_coder = InterCoder(plan)
         self._latent_coder: LatentCoder | None = None
         if plan.header.profile == Profile.PAPER:
-            self._latent_coder = LatentCoder(plan, installed(plan.header.model_id))
+            self._latent_coder = LatentCoder(plan, latent_model(plan.header.model_id))
         self._meter = ErrorMeter(plan.header.unit_exponents)
         self._anchors: dict[int, _Anchor] = {}
 
     def encode(self, start: int, stop: int, on_frame: Callable[[], None] | None = None) -> CodedSegment:
         """Frames start..stop - 1; calls `on_frame` after each."""
+        # what is remembered from frame to frame begins anew: bytes do not depend on who coded what
+        self._inter_coder = InterCoder(self._plan)
         segment = CodedSegment()
         loop: _Loop | None = None
         measured: Future[None] | None = None

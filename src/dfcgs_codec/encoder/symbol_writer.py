@@ -21,14 +21,25 @@ from dfcgs_codec.codec.symbols import (
     Int64,
     LayoutEvidence,
     ResidualEvidence,
+    SymbolCoder,
+    T,
     WeightEvidence,
 )
-from dfcgs_codec.encoder.estimation import fit_histogram_levels, fit_layout, fit_tables, fit_weights
+from dfcgs_codec.encoder.estimation import (
+    fit_histogram_levels,
+    fit_layout,
+    fit_tables,
+    fit_weights,
+)
 from dfcgs_codec.entropy.coder import Model, RangeWriter, uniform
 
 
 class SymbolWriter(RangeWriter):
-    """Writes symbols and how they are coded."""
+    """Writes symbols and how they are coded; `preferred`: the way of `either`, None to try both."""
+
+    def __init__(self, preferred: bool | None = None) -> None:
+        super().__init__()
+        self.preferred = preferred
 
     def center(self, evidence: Callable[[], Int64]) -> int:
         """See SymbolCoder: the median."""
@@ -54,6 +65,17 @@ class SymbolWriter(RangeWriter):
     def choice(self, size: int, evidence: Callable[[], int]) -> int:
         """See SymbolCoder."""
         return int(self.code(np.array([evidence()], np.int64), uniform(size), 1)[0])
+
+    def either(self, walk: Callable[[SymbolCoder, bool], T]) -> T:
+        """See SymbolCoder: what takes fewer bytes, or what was `preferred`; nothing may be coded before."""
+        trials = []
+        for with_prior in (True, False) if self.preferred is None else (self.preferred,):
+            trial = SymbolWriter()
+            trial.choice(2, lambda chosen=with_prior: int(chosen))  # type: ignore[misc]
+            trials.append((trial, walk(trial, with_prior), with_prior))
+        best, result, self.preferred = min(trials, key=lambda found: len(found[0].getvalue()))
+        self._encoder = best._encoder
+        return result
 
     def layout(self, evidence: LayoutEvidence) -> HistogramLayout | None:
         """See SymbolCoder: both ways are tried."""

@@ -5,6 +5,9 @@ In every function `values` is the array to encode, or None when decoding; the ar
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -21,6 +24,8 @@ from dfcgs_codec.errors import CorruptBitstream
 
 #: escaped magnitudes have at most this many bits
 _MAX_ESCAPE_BITS = 32
+#: explicit models are of the symbols -15 to 15
+EXPLICIT_REACH = 15
 
 
 def code_bits(coder: RangeCoder, values: Int64 | None, bits: int, count: int) -> Int64:
@@ -87,60 +92,82 @@ def code_escaping(
     return coded
 
 
-def code_residuals(
-    coder: RangeCoder, values: Int64 | None, contexts: npt.NDArray[np.integer], tables: Int64
-) -> Int64:
-    """Signed integers, each with the scale table that `tables` names for its context.
+@dataclass(frozen=True)
+class _Table:
+    """A model of -k..k, and how many low bits of a symbol are coded raw."""
 
-    `tables[c]` = shape * NUM_SCALES + scale. Table symbols first, context after context; then the
-    excess of escaped symbols; then the raw low bits of contexts with scales above 63.
+    model: Model
+    low_bits: int
+
+    @staticmethod
+    def of(table: int, explicit: Sequence[Model]) -> _Table:
+        if table < 0:
+            return _Table(explicit[-1 - table], 0)
+        shape, scale = divmod(table, NUM_SCALES)
+        base, low_bits = split_scale(scale)
+        return _Table(scale_model(Shape(shape), base), low_bits)
+
+    @property
+    def k(self) -> int:
+        return self.model.size // 2
+
+
+def code_residuals(
+    coder: RangeCoder,
+    values: Int64 | None,
+    contexts: npt.NDArray[np.integer],
+    tables: Int64,
+    explicit: Sequence[Model] = (),
+) -> Int64:
+    """Signed integers, each with the table that `tables` names for its context.
+
+    `tables[c]` = shape * NUM_SCALES + scale, or -1 - i for `explicit[i]`, a model of -k..k. Table symbols
+    first, context after context; then the excess of escaped symbols; then the raw low bits of contexts with
+    scales above 63.
     """
     groups = Groups(contexts, len(tables))
+    known = {int(c): _Table.of(int(tables[c]), explicit) for c in groups.used}
     ordered = None if values is None else values[groups.order]
     coded = np.empty(len(groups.order), np.int64)
-    escapes = []
+    shifts, ends = np.zeros(len(tables), np.int64), np.zeros(len(tables), np.int64)
     for context, part in groups.slices():
-        shape, scale = divmod(int(tables[context]), NUM_SCALES)
-        base, low_bits = split_scale(scale)
-        model = scale_model(Shape(shape), base)
-        k = model.size // 2
-        given = None if ordered is None else np.clip((ordered[part] >> low_bits) + k, 0, 2 * k)
-        symbols = coder.code(given, model, part.stop - part.start) - k
-        coded[part] = symbols
-        escapes.append(np.flatnonzero(np.abs(symbols) == k) + part.start)
-    _code_excess(coder, ordered, coded, np.concatenate(escapes or [np.zeros(0, np.int64)]), groups, tables)
-    _code_low_bits(coder, ordered, coded, groups, tables)
+        table = known[context]
+        k = ends[context] = table.k
+        shifts[context] = table.low_bits
+        given = None if ordered is None else np.clip((ordered[part] >> table.low_bits) + k, 0, 2 * k)
+        coded[part] = coder.code(given, table.model, part.stop - part.start)
+    reach = np.repeat(ends[groups.used], np.diff(groups.bounds)[groups.used])
+    coded -= reach
+    rows = np.flatnonzero(np.abs(coded) == reach)
+    _code_excess(coder, ordered, coded, rows, (groups, shifts))
+    _code_low_bits(coder, ordered, coded, (groups, shifts))
     result = np.empty(len(coded), np.int64)
     result[groups.order] = coded
     return result
 
 
 def _code_excess(
-    coder: RangeCoder,
-    ordered: Int64 | None,
-    coded: Int64,
-    rows: Int64,
-    groups: Groups,
-    tables: Int64,
+    coder: RangeCoder, ordered: Int64 | None, coded: Int64, rows: Int64, by_context: tuple[Groups, Int64]
 ) -> None:
     """Add to the escaped symbols in `coded[rows]` what lies beyond their table."""
     if not len(rows):
         return
+    groups, shifts = by_context
     end = coded[rows]
     excess = None
     if ordered is not None:
-        shifts = np.array([split_scale(int(t) % NUM_SCALES)[1] for t in tables], np.int64)
         of_row = np.repeat(shifts[groups.used], np.diff(groups.bounds)[groups.used])
         excess = np.abs((ordered[rows] >> of_row[rows]) - end)
     coded[rows] = end + np.sign(end) * code_escapes(coder, excess, len(rows))
 
 
 def _code_low_bits(
-    coder: RangeCoder, ordered: Int64 | None, coded: Int64, groups: Groups, tables: Int64
+    coder: RangeCoder, ordered: Int64 | None, coded: Int64, by_context: tuple[Groups, Int64]
 ) -> None:
     """Append the raw low bits of contexts with wide scales."""
+    groups, shifts = by_context
     for context, part in groups.slices():
-        low_bits = split_scale(int(tables[context]) % NUM_SCALES)[1]
+        low_bits = int(shifts[context])
         if low_bits:
             low = None if ordered is None else ordered[part] & ((1 << low_bits) - 1)
             bits = code_bits(coder, low, low_bits, part.stop - part.start)

@@ -13,11 +13,15 @@ import numpy as np
 import numpy.typing as npt
 
 Int64 = npt.NDArray[np.int64]
+Int32 = npt.NDArray[np.int32]
+AnyInt = npt.NDArray[np.integer]
 
 NUM_NEIGHBOURS = 8
 WEIGHT_BITS = 8
 MAX_LEVELS = 8
 MIN_BASE = 32
+#: with neighbours below this, sums of their deviations stay below 2**31
+_NARROW = 1 << 21
 #: coordinate differences are clipped here, so that squared distances stay exact in float64
 _MAX_DIFFERENCE = 1 << 20
 
@@ -26,12 +30,12 @@ _MAX_DIFFERENCE = 1 << 20
 class Level:
     """One level: rows `first::step` of the frame, predicted from rows `::step`.
 
-    `weights` is (8, rows) or (8, 1) int64, summing to 256 over its first axis.
+    `weights` is (8, rows) or (8, 1) int32, summing to 256 over its first axis.
     """
 
     first: int
     step: int
-    weights: Int64
+    weights: Int32
 
     @property
     def rows(self) -> slice:
@@ -43,18 +47,32 @@ class Level:
 
         `values` (N,) must hold the coarser levels.
         """
-        coarse = values[:: self.step]
-        count = len(values[self.rows])
-        padded = np.pad(coarse, NUM_NEIGHBOURS // 2, mode="edge")
-        windows = [padded[k + 1 : k + 1 + count] for k in range(NUM_NEIGHBOURS)]
-        mean = windows[0] * self.weights[0]
-        for window, weight in zip(windows[1:], self.weights[1:], strict=True):
-            mean += window * weight
+        windows = self._windows(values)
+        mean = self._mean(windows)
         rounded = (mean + 128) >> WEIGHT_BITS
         deviation = np.abs(windows[0] - rounded) * self.weights[0]
         for window, weight in zip(windows[1:], self.weights[1:], strict=True):
             deviation += np.abs(window - rounded) * weight
-        return mean, deviation
+        return mean.astype(np.int64), deviation.astype(np.int64)
+
+    def mean(self, values: Int64) -> Int64:
+        """The first of `statistics` alone."""
+        return self._mean(self._windows(values)).astype(np.int64)
+
+    def _windows(self, values: Int64) -> list[AnyInt]:
+        """Neighbour k = 0..7 of each row; in 32 bits, which are several times faster, where that is exact."""
+        coarse: AnyInt = values[:: self.step]
+        if len(coarse) and max(int(coarse.max()), -int(coarse.min())) < _NARROW:
+            coarse = coarse.astype(np.int32)
+        count = len(values[self.rows])
+        padded = np.pad(coarse, NUM_NEIGHBOURS // 2, mode="edge")
+        return [padded[k + 1 : k + 1 + count] for k in range(NUM_NEIGHBOURS)]
+
+    def _mean(self, windows: list[AnyInt]) -> AnyInt:
+        mean: AnyInt = windows[0] * self.weights[0]
+        for window, weight in zip(windows[1:], self.weights[1:], strict=True):
+            mean += window * weight
+        return mean
 
 
 @dataclass(frozen=True)
@@ -73,7 +91,7 @@ def num_levels(num_gaussians: int) -> int:
     return count
 
 
-def _weights(positions: Int64, first: int, step: int) -> Int64:
+def _weights(positions: Int64, first: int, step: int) -> Int32:
     """Integer weights (8, rows) from the distances to the neighbours."""
     rows = positions[first::step]
     coarse = np.pad(positions[::step], ((4, 4), (0, 0)), mode="edge")
@@ -87,7 +105,7 @@ def _weights(positions: Int64, first: int, step: int) -> Int64:
     weights: Int64 = (inverse << WEIGHT_BITS) // inverse.sum(0)
     nearest = inverse.argmax(0)
     weights[nearest, np.arange(len(rows))] += (1 << WEIGHT_BITS) - weights.sum(0)
-    return weights
+    return weights.astype(np.int32)
 
 
 def build_levels(positions: Int64) -> LevelsOfDetail:
@@ -102,7 +120,7 @@ def build_levels(positions: Int64) -> LevelsOfDetail:
 
 def order_levels(count: int) -> LevelsOfDetail:
     """Levels for `count` Gaussians whose eight neighbours in order weigh the same."""
-    weights = np.full((NUM_NEIGHBOURS, 1), (1 << WEIGHT_BITS) // NUM_NEIGHBOURS, np.int64)
+    weights = np.full((NUM_NEIGHBOURS, 1), (1 << WEIGHT_BITS) // NUM_NEIGHBOURS, np.int32)
     levels = num_levels(count)
     return LevelsOfDetail(
         slice(0, None, 1 << levels),

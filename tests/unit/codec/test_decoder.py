@@ -21,9 +21,9 @@ from dfcgs_codec.errors import (
     CorruptBitstream,
     LimitExceeded,
     ModelMismatch,
-    UnsupportedBitstream,
     VerificationError,
 )
+from dfcgs_codec.model.registry import installed
 from tests.helpers import (
     Chunk,
     all_changing,
@@ -177,15 +177,23 @@ def test_an_opacity_grid_too_coarse_for_its_knots_is_refused(chunks: list[Chunk]
 
 
 def test_models_that_are_not_there_are_named(chunks: list[Chunk]) -> None:
-    payload = bytearray(chunks[0].payload)
+    named = b"\x06main-1" + installed("main-1").digest[:8]
+    assert chunks[0].payload.endswith(named)
+    payload = bytearray(chunks[0].payload[: -len(named)] + b"\0")
     payload[1] = 1
     with pytest.raises(ModelMismatch, match="''"):
         decode(with_payload(chunks, 0, bytes(payload)))
     with pytest.raises(ModelMismatch, match="future"):
         decode(with_payload(chunks, 0, bytes(payload[:-1]) + b"\x06future" + bytes(8)))
-    named = chunks[0].payload[:-1] + b"\x04main" + bytes(8)
-    with pytest.raises(UnsupportedBitstream, match="main"):
-        decode(with_payload(chunks, 0, named))
+    main = bytes(payload[:1]) + b"\0" + bytes(payload[2:-1])
+    with pytest.raises(ModelMismatch, match="future"):
+        decode(with_payload(chunks, 0, main + b"\x06future" + bytes(8)))
+    with pytest.raises(ModelMismatch, match="hash 0000"):
+        decode(with_payload(chunks, 0, main + b"\x06main-1" + bytes(8)))
+    with pytest.raises(ModelMismatch, match="not one of profile MAIN"):
+        decode(with_payload(chunks, 0, main + b"\x07paper-1" + installed("paper-1").digest[:8]))
+    with pytest.raises(ModelMismatch, match="not one of profile PAPER"):
+        decode(with_payload(chunks, 0, bytes(payload[:-1]) + named))
 
 
 # --- ranges of frames ---------------------------------------------------------------------------------

@@ -6,19 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.codec.inter import (
+from dfcgs_codec.codec.activity import (
     DENSE,
     NUM_MAGNITUDES,
     AttributeActivity,
-    InterShape,
     InterSymbols,
     classify_blocks,
-    code_inter,
     nonzero_rows,
     num_blocks,
     num_inter_columns,
     row_sums,
 )
+from dfcgs_codec.codec.inter import InterShape, code_inter
 from dfcgs_codec.codec.symbol_reader import SymbolReader
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.transform.lod import GofLevels

@@ -5,8 +5,8 @@ import pytest
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols, classify_blocks
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.inter import AttributeActivity, InterSymbols, classify_blocks
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
 from dfcgs_codec.codec.verbatim import state_of

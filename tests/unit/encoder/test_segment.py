@@ -47,7 +47,7 @@ def test_nothing_in_common_is_all_i_frames() -> None:
 
 
 def test_every_i_frame_begins_a_gof() -> None:
-    segment = code(still(make_cloud(50), 2) + still(make_cloud(60), 3))
+    segment = code(still(make_cloud(50), 2) + still(make_cloud(60, 0, 9), 3))
     assert [(gof.first_frame, len(gof.frames)) for gof in segment.gofs] == [(0, 2), (2, 3)]
     assert [f.num_bytes for f in segment.report.frames] == [
         len(f) for gof in segment.gofs for f in gof.frames
