@@ -1,0 +1,153 @@
+"""What the frozen prior is worth: `python -m evaluation.prior [--scenes NAME ...] [--models FOLDER]`.
+
+Every stream of a P-frame that may take the prior is coded in both ways, the same symbols, and bytes are
+compared: motion (control points) and residual. Whole P-frames, coded with the prior and without, are rendered
+and compared at equal PSNR. FOLDER holds other models (`<name>.npz`: widths, groups of inputs left out): their
+bytes for some scenes at QP 28. Figures land in `evaluation/results/prior.json` after every scene.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from collections.abc import Sequence as Arguments
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
+from dfcgs_codec.codec.symbols import SymbolCoder, T
+from dfcgs_codec.encoder.prior_choice import PriorChoice, PriorMode
+from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.model.context_model import ContextModel
+from dfcgs_codec.model.registry import load_model, register
+from evaluation.assets import find_asset, has_asset
+from evaluation.bd import bd_delta
+from evaluation.bench import known_results
+from evaluation.paper_profile import Images, measure
+from evaluation.quality import image
+from evaluation.record import write_result
+from evaluation.render import Camera
+from evaluation.views import FEW, cameras
+from training.scenes.catalogue import group
+from training.scenes.catalogue import scene as named_scene
+
+NUM_FRAMES = 10
+QPS = (18, 28, 34)
+MEDIUM = 28
+#: what models are compared on
+ABLATED = ("knight_walk", "mage_fitted", "playbot_sway_drift", "plant_sway")
+#: no P-frames, or those of another scene again
+_LEFT_OUT = ("plant_bend_untracked", "playbot_twist_permuted")
+
+Figures = dict[str, Any]
+
+
+@contextmanager
+def both_ways() -> Iterator[Counter[str]]:
+    """Every stream that is coded in the end is tried in both ways; counts bytes by part and way."""
+    found: Counter[str] = Counter()
+
+    def either(self: SymbolWriter, walk: Callable[[SymbolCoder, bool], T]) -> T:
+        ways = (True, False) if self.preferred is None else (self.preferred,)
+        trials = []
+        for with_prior in ways:
+            trial = SymbolWriter()
+            trial.choice(2, lambda chosen=with_prior: int(chosen))  # type: ignore[misc]
+            trials.append((trial, walk(trial, with_prior), with_prior))
+        if len(trials) == len((True, False)):
+            part = "motion" if walk.__module__.endswith(".motion") else "residual"
+            for trial, _, with_prior in trials:
+                found[f"{part} {'prior' if with_prior else 'plain'}"] += len(trial.getvalue())
+            found[f"{part} least"] += min(len(trial.getvalue()) for trial, *_ in trials)
+        best, result, self.preferred = min(trials, key=lambda one: len(one[0].getvalue()))
+        self._encoder = best._encoder
+        return result
+
+    with (
+        mock.patch.object(SymbolWriter, "either", either),
+        mock.patch.object(PriorChoice, "preferred", return_value=None),
+    ):
+        yield found
+
+
+def stream_bytes(frames: list[GaussianCloud], qp: float, model_id: str | None, folder: Path) -> Figures:
+    """Bytes of all streams in both ways."""
+    options = EncoderOptions(qp=qp, gof_size=len(frames), model_id=model_id)
+    with both_ways() as found:
+        encode_sequence(frames, folder / "both.dgs", options, force=True)
+    return dict(sorted(found.items()))
+
+
+def _whole(frames: list[GaussianCloud], images: Images, views: list[Camera], folder: Path) -> Figures:
+    """P-frames with the prior and without, at each QP, and bytes at equal PSNR in percent."""
+    rows: dict[str, list[Figures]] = {}
+    for mode in (PriorMode.PLAIN, PriorMode.AUTO, PriorMode.NETWORK):
+        for qp in QPS:
+            options = EncoderOptions(qp=qp, gof_size=len(frames), prior=mode)
+            row = measure(frames, images, views, options, folder)
+            row.pop("psnr_by_frame")
+            rows.setdefault(mode.value, []).append(row | {"qp": qp})
+    found: Figures = {"points": rows}
+    for name in ("bytes_p", "bytes"):
+        curves = [[(row[name], row["psnr"]) for row in rows[mode]] for mode in ("plain", "auto")]
+        delta = bd_delta(*curves)
+        found[f"bd_rate_{name}"] = None if delta is None else round(delta.bd_rate, 2)
+    return found
+
+
+def _scene(name: str) -> Figures:
+    scene = named_scene(name)
+    frames = list(islice(scene.frames(find_asset(scene.asset)), NUM_FRAMES))
+    views = cameras(name, FEW)
+    images = [[image(cloud, view) for view in views] for cloud in frames[1:]]
+    with tempfile.TemporaryDirectory() as folder:
+        streams = {str(qp): stream_bytes(frames, qp, None, Path(folder)) for qp in QPS}
+        return {"streams": streams} | _whole(frames, images, views, Path(folder))
+
+
+def _models(folder: Path, results: Figures) -> None:
+    """Bytes at QP 28 with each model of a folder."""
+    for name in ABLATED:
+        scene = named_scene(name)
+        if not has_asset(scene.asset):
+            continue
+        frames = list(islice(scene.frames(find_asset(scene.asset)), NUM_FRAMES))
+        known = results.setdefault("models", {}).setdefault(name, {})
+        with tempfile.TemporaryDirectory() as target:
+            for path in sorted(folder.glob("*.npz")):
+                model = load_model(path)
+                assert isinstance(model, ContextModel)
+                register(replace(model, model_id=path.stem))
+                known[path.stem] = stream_bytes(frames, MEDIUM, path.stem, Path(target))
+                print(name, path.stem, known[path.stem], flush=True)
+
+
+def main(arguments: Arguments[str] | None = None) -> None:
+    """Run and write the result after every scene."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--scenes", nargs="*", default=None, help="only these")
+    parser.add_argument("--models", type=Path, help="folder of further models")
+    args = parser.parse_args(arguments)
+    results = known_results("prior")
+    conditions = {"frames": NUM_FRAMES, "qps": QPS, "views": FEW}
+    for scene in group("evaluation"):
+        if scene.name in _LEFT_OUT or not has_asset(scene.asset):
+            continue
+        if args.scenes is not None and scene.name not in args.scenes:
+            continue
+        results.setdefault("scenes", {})[scene.name] = found = _scene(scene.name)
+        print(scene.name, found["streams"][str(MEDIUM)], found["bd_rate_bytes_p"], flush=True)
+        write_result("prior", conditions, results)
+    if args.models is not None:
+        _models(args.models, results)
+    print(write_result("prior", conditions, results))
+
+
+if __name__ == "__main__":
+    main()
