@@ -22,6 +22,9 @@ from unittest import mock
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
 from dfcgs_codec.codec.symbols import SymbolCoder, T
+from dfcgs_codec.encoder.frame_coding import CodedFrame
+from dfcgs_codec.encoder.inter_coding import InterCoder, InterTask
+from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTrial
 from dfcgs_codec.encoder.prior_choice import PriorChoice, PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.model.context_model import ContextModel
@@ -50,8 +53,23 @@ Figures = dict[str, Any]
 
 @contextmanager
 def both_ways() -> Iterator[Counter[str]]:
-    """Every stream that is coded in the end is tried in both ways; counts bytes by part and way."""
+    """Every stream is coded in both ways; counts bytes of what P-frames are made of, by part and way."""
+    chosen: Counter[str] = Counter()
     found: Counter[str] = Counter()
+    trials_of_frame: list[tuple[CodedFrame, Counter[str]]] = []
+    coded_once, code = InterCoder._coded, InterCoder.code
+
+    def coded(self: InterCoder, task: InterTask, trial: MotionTrial | None) -> CodedFrame:
+        found.clear()
+        frame = coded_once(self, task, trial)
+        trials_of_frame.append((frame, Counter(found)))
+        return frame
+
+    def best_of_frame(self: InterCoder, task: InterTask) -> tuple[CodedFrame, MotionHint | None]:
+        trials_of_frame.clear()
+        frame, hint = code(self, task)
+        chosen.update(next(counted for trial, counted in trials_of_frame if trial is frame))
+        return frame, hint
 
     def either(self: SymbolWriter, walk: Callable[[SymbolCoder, bool], T]) -> T:
         ways = (True, False) if self.preferred is None else (self.preferred,)
@@ -72,8 +90,10 @@ def both_ways() -> Iterator[Counter[str]]:
     with (
         mock.patch.object(SymbolWriter, "either", either),
         mock.patch.object(PriorChoice, "preferred", return_value=None),
+        mock.patch.object(InterCoder, "_coded", coded),
+        mock.patch.object(InterCoder, "code", best_of_frame),
     ):
-        yield found
+        yield chosen
 
 
 def stream_bytes(frames: list[GaussianCloud], qp: float, model_id: str | None, folder: Path) -> Figures:
@@ -101,13 +121,16 @@ def _whole(frames: list[GaussianCloud], images: Images, views: list[Camera], fol
     return found
 
 
-def _scene(name: str) -> Figures:
+def _scene(name: str, known: Figures | None) -> Figures:
+    """The figures of a scene; with `known` ones only those of its streams anew."""
     scene = named_scene(name)
     frames = list(islice(scene.frames(find_asset(scene.asset)), NUM_FRAMES))
-    views = cameras(name, FEW)
-    images = [[image(cloud, view) for view in views] for cloud in frames[1:]]
     with tempfile.TemporaryDirectory() as folder:
         streams = {str(qp): stream_bytes(frames, qp, None, Path(folder)) for qp in QPS}
+        if known is not None:
+            return known | {"streams": streams}
+        views = cameras(name, FEW)
+        images = [[image(cloud, view) for view in views] for cloud in frames[1:]]
         return {"streams": streams} | _whole(frames, images, views, Path(folder))
 
 
@@ -132,6 +155,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
     """Run and write the result after every scene."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenes", nargs="*", default=None, help="only these")
+    parser.add_argument("--streams", action="store_true", help="streams only; the rest stays as it was")
     parser.add_argument("--models", type=Path, help="folder of further models")
     args = parser.parse_args(arguments)
     results = known_results("prior")
@@ -141,7 +165,9 @@ def main(arguments: Arguments[str] | None = None) -> None:
             continue
         if args.scenes is not None and scene.name not in args.scenes:
             continue
-        results.setdefault("scenes", {})[scene.name] = found = _scene(scene.name)
+        scenes = results.setdefault("scenes", {})
+        known = scenes.get(scene.name) if args.streams else None
+        scenes[scene.name] = found = _scene(scene.name, known)
         print(scene.name, found["streams"][str(MEDIUM)], found["bd_rate_bytes_p"], flush=True)
         write_result("prior", conditions, results)
     if args.models is not None:
