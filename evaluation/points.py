@@ -23,6 +23,7 @@ CODEC_CURVES = {
     "dfcgs_still": ("dfcgs, no motion", ["--motion", "off"]),
     "dfcgs_gof10": ("dfcgs, GoF 10", ["--gof-size", "10"]),
     "dfcgs_intra": ("dfcgs, I-frames only", ["--gof-size", "1"]),
+    "dfcgs_paper": ("dfcgs, profile paper", ["--profile", "paper"]),
 }
 _PYTHON = sys.executable
 _FILE = "sequence.dgs"
@@ -81,7 +82,7 @@ def codec_points() -> list[Point]:
     """Presets and more QPs on the default curve; QPs alone on the others."""
     points = [codec_point("dfcgs", name, ["--quality", name], name) for name in QUALITIES]
     points += [codec_point("dfcgs", f"qp{qp}", ["--qp", str(qp)]) for qp in _MORE_QPS]
-    for method in ("dfcgs_still", "dfcgs_gof10", "dfcgs_intra"):
+    for method in ("dfcgs_still", "dfcgs_gof10", "dfcgs_intra", "dfcgs_paper"):
         points += [codec_point(method, f"qp{qp}", ["--qp", str(qp)]) for qp in _OTHER_QPS]
     return points
 

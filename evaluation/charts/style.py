@@ -24,6 +24,7 @@ _LOOKS = {
     "dfcgs_gof10": (OURS, "s", "--"),
     "dfcgs_still": ("#f0a070", "s", "-"),
     "dfcgs_intra": (OURS, "^", ":"),
+    "dfcgs_paper": ("#a03000", "x", "--"),
     "delta_zstd": ("#0072b2", "o", "-"),
     "hevc": ("#009e73", "D", "-"),
     "spz": ("#cc79a7", "P", "-"),
