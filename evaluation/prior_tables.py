@@ -69,7 +69,7 @@ def models_table() -> str:
     found = results("prior").get("models", {})
     rows = []
     for model, label in _MODELS.items():
-        if not all(model in scene for scene in found.values()):
+        if not found or not all(model in scene for scene in found.values()):
             continue
         rows.append([label, *(_mean(_ratios(found, part, model)) for part in ("motion", "residual"))])
     return table(["model", "motion", "residual"], rows)
