@@ -197,3 +197,34 @@ def test_from_float_does_not_see_powers_of_two() -> None:
     rotations = np.random.default_rng(0).normal(size=(300, 4)).astype(np.float32)
     assert np.array_equal(from_float(rotations * np.float32(2.0**40)), from_float(rotations))
     assert np.array_equal(from_float(-rotations), from_float(-rotations.copy()))
+
+
+def test_quotients_by_arrays_are_exact_next_to_integers() -> None:
+    rng = np.random.default_rng(4)
+    divisors = rng.integers(1, 1 << 26, 20_000)
+    quotients = rng.integers(-(1 << 25), 1 << 25, 20_000)
+    for off in (-2, -1, 0, 1, 2):
+        # halves, and integers, and what lies next to them
+        for numerators in (quotients * divisors + off, quotients * divisors + divisors // 2 + off):
+            expected = [
+                (2 * n + d) // (2 * d) for n, d in zip(numerators.tolist(), divisors.tolist(), strict=True)
+            ]
+            assert round_divide(numerators, divisors).tolist() == expected
+    # beyond what float64 holds exactly
+    large = np.array([(1 << 61) - 1, -(1 << 61), (1 << 52) + 1])
+    assert round_divide(large, np.array([3, 7, 1])).tolist() == [
+        (2 * n + d) // (2 * d) for n, d in zip(large.tolist(), (3, 7, 1), strict=True)
+    ]
+
+
+def test_products_are_those_of_the_text() -> None:
+    rng = np.random.default_rng(5)
+    a, b = rng.integers(-ONE, ONE + 1, (2, 50, 4))
+    for row, (w, x, y, z), (s, i, j, k) in zip(multiply(a, b).tolist(), a.tolist(), b.tolist(), strict=True):
+        sums = [
+            w * s - x * i - y * j - z * k,
+            w * i + x * s + y * k - z * j,
+            w * j - x * k + y * s + z * i,
+            w * k + x * j - y * i + z * s,
+        ]
+        assert row == [(value + (ONE >> 1)) >> 24 for value in sums]
