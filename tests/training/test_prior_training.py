@@ -5,20 +5,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence
+from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.model import registry
 from dfcgs_codec.model.context_model import NUM_CELLS, NUM_FLAG_CLASSES, ContextModel
 from tests.helpers import all_changing, make_cloud, waving
-from training.prior import tables
-from training.prior.ablations import GROUPS, masked
-from training.prior.export import integer_classes, network_arrays, write_model
-from training.prior.nets import ClassNet, FlagLoss, SymbolLoss
-from training.prior.recordings import RECORDED, record
-from training.prior.train import PARTS, Config, load, train
-from training.prior.untrained import WIDTHS, untrained_arrays
+
+torch = pytest.importorskip("torch", reason="training needs torch, from the train extra")
+
+from training.prior import tables  # noqa: E402
+from training.prior.ablations import GROUPS, masked  # noqa: E402
+from training.prior.export import integer_classes, network_arrays, write_model  # noqa: E402
+from training.prior.nets import ClassNet, FlagLoss, SymbolLoss  # noqa: E402
+from training.prior.recordings import RECORDED, record  # noqa: E402
+from training.prior.train import PARTS, Config, load, train  # noqa: E402
+from training.prior.untrained import WIDTHS, untrained_arrays  # noqa: E402
 
 SHORT = Config(steps=30, hidden=dict.fromkeys(PARTS, (6,)))
 
@@ -71,17 +74,11 @@ def test_training_is_repeatable_and_makes_a_model(recordings: Path, tmp_path: Pa
     untrained = ContextModel.of_arrays("untrained", untrained_arrays())
     registry.register(untrained)
     for name in ("tiny", "untrained"):
-        encode_sequence(frames, tmp_path / name, EncoderOptions(model_id=name, prior=_network()))
+        encode_sequence(frames, tmp_path / name, EncoderOptions(model_id=name, prior=PriorMode.NETWORK))
         assert len(list(decode_sequence(tmp_path / name))) == len(frames)
         sizes[name] = (tmp_path / name).stat().st_size
     registry._registered.clear()
     assert sizes["tiny"] < sizes["untrained"]
-
-
-def _network() -> object:
-    from dfcgs_codec.encoder.prior_choice import PriorMode
-
-    return PriorMode.NETWORK
 
 
 @pytest.mark.parametrize("name", PARTS)
