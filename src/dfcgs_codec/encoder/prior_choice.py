@@ -21,7 +21,7 @@ class PriorMode(Enum):
 #: frames after which both ways are tried again, where the prior did better, and where it did not: its memory
 #: makes it better with time
 _PERIOD = 8
-_PLAIN_PERIOD = 2
+_PLAIN_PERIOD = 4
 
 
 class PriorChoice:

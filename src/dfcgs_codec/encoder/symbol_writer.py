@@ -33,6 +33,14 @@ from dfcgs_codec.encoder.estimation import (
 )
 from dfcgs_codec.entropy.coder import Model, RangeWriter, uniform
 
+#: a stream takes the prior, which costs time to decode, where it has less than this share of the bytes
+_PRIOR_WORTH = 0.98
+
+
+def _weight(writer: SymbolWriter, *, with_prior: bool) -> float:
+    """Bytes, time to decode considered."""
+    return len(writer.getvalue()) * (1.0 if with_prior else _PRIOR_WORTH)
+
 
 class SymbolWriter(RangeWriter):
     """Writes symbols and how they are coded; `preferred`: the way of `either`, None to try both."""
@@ -73,7 +81,7 @@ class SymbolWriter(RangeWriter):
             trial = SymbolWriter()
             trial.choice(2, lambda chosen=with_prior: int(chosen))  # type: ignore[misc]
             trials.append((trial, walk(trial, with_prior), with_prior))
-        best, result, self.preferred = min(trials, key=lambda found: len(found[0].getvalue()))
+        best, result, self.preferred = min(trials, key=lambda found: _weight(found[0], with_prior=found[2]))
         self._encoder = best._encoder
         return result
 

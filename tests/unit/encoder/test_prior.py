@@ -117,8 +117,8 @@ def test_both_ways_are_tried_now_and_then() -> None:
         preferred = choice.preferred(Attribute.POSITION)
         tried.append(preferred is None)
         choice.learn(Attribute.POSITION, frame != 0 if preferred is None else preferred)
-    assert tried[:3] == [True, False, True]
-    assert sum(tried) < 6
+    # sooner where plain was smaller
+    assert [frame for frame in range(20) if tried[frame]] == [0, 4, 12]
     assert PriorChoice(PriorMode.NETWORK).preferred(None) is True
     assert PriorChoice(PriorMode.PLAIN).preferred(Attribute.SCALE) is False
 
