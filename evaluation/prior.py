@@ -9,6 +9,7 @@ bytes for some scenes at QP 28. Figures land in `evaluation/results/prior.json` 
 from __future__ import annotations
 
 import argparse
+import statistics
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -36,6 +37,7 @@ from evaluation.paper_profile import Images, measure
 from evaluation.quality import image
 from evaluation.record import write_result
 from evaluation.render import Camera
+from evaluation.speed import character, decode_times
 from evaluation.views import FEW, cameras
 from training.scenes.catalogue import group
 from training.scenes.catalogue import scene as named_scene
@@ -45,6 +47,8 @@ QPS = (18, 28, 34)
 MEDIUM = 28
 #: what models are compared on
 ABLATED = ("knight_walk", "mage_fitted", "playbot_sway_drift", "plant_sway")
+#: models whose time to decode is told
+_TIMED = ("main-1", "width-8", "width-32")
 #: no P-frames, or those of another scene again
 _LEFT_OUT = ("plant_bend_untracked", "playbot_twist_permuted")
 
@@ -151,11 +155,36 @@ def _models(folder: Path, results: Figures) -> None:
                 print(name, path.stem, known[path.stem], flush=True)
 
 
+def _seconds(folder: Path, results: Figures) -> None:
+    """Median seconds to decode a P-frame of 200 000 Gaussians, without the prior and with each width."""
+    frames = character(5)
+    with tempfile.TemporaryDirectory() as target:
+        files = {}
+        for path in [None, *(path for path in sorted(folder.glob("*.npz")) if path.stem in _TIMED)]:
+            mode, name = PriorMode.PLAIN, "plain"
+            if path is not None:
+                mode, name = PriorMode.NETWORK, path.stem
+                model = load_model(path)
+                assert isinstance(model, ContextModel)
+                register(replace(model, model_id=name))
+            options = EncoderOptions(gof_size=len(frames), prior=mode, model_id=name if path else None)
+            files[name] = Path(target) / f"{name}.dgs"
+            encode_sequence(frames, files[name], options)
+        # in turn, so that all of them meet the same machine
+        times: dict[str, list[float]] = {name: [] for name in files}
+        for _ in range(5):
+            for name, file in files.items():
+                times[name] += decode_times(file)[2:]
+    results["decode_p_s"] = {name: round(statistics.median(found), 4) for name, found in times.items()}
+    print(results["decode_p_s"], flush=True)
+
+
 def main(arguments: Arguments[str] | None = None) -> None:
     """Run and write the result after every scene."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenes", nargs="*", default=None, help="only these")
     parser.add_argument("--streams", action="store_true", help="streams only; the rest stays as it was")
+    parser.add_argument("--seconds", action="store_true", help="of the models, seconds only")
     parser.add_argument("--models", type=Path, help="folder of further models")
     args = parser.parse_args(arguments)
     results = known_results("prior")
@@ -171,7 +200,9 @@ def main(arguments: Arguments[str] | None = None) -> None:
         print(scene.name, found["streams"][str(MEDIUM)], found["bd_rate_bytes_p"], flush=True)
         write_result("prior", conditions, results)
     if args.models is not None:
-        _models(args.models, results)
+        if not args.seconds:
+            _models(args.models, results)
+        _seconds(args.models, results)
     print(write_result("prior", conditions, results))
 
 

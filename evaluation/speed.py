@@ -29,7 +29,7 @@ _FRAMES = 8
 _REPEATS = 3
 
 
-def _decode_times(path: Path) -> list[float]:
+def decode_times(path: Path) -> list[float]:
     """Seconds to arrays, hash checked, of each frame."""
     times = [time.perf_counter()]
     for frame in decode_sequence(path):
@@ -54,7 +54,7 @@ def measure(frames: list[GaussianCloud], folder: Path) -> dict[str, Any]:
     path = folder / "speed.dgs"
     encode_sequence(frames, path, options, force=True)
     encode = [_encode_times(frames, options) for _ in range(_REPEATS)]
-    decode = [_decode_times(path) for _ in range(_REPEATS)]
+    decode = [decode_times(path) for _ in range(_REPEATS)]
     info = probe(path)
     return {
         "num_gaussians": frames[0].num_gaussians,
@@ -76,10 +76,10 @@ def _setup(runs: list[list[float]]) -> float:
     return statistics.median(run[1] - statistics.median(run[2:]) for run in runs)
 
 
-def _character() -> list[GaussianCloud]:
+def character(num_frames: int = _FRAMES) -> list[GaussianCloud]:
     """A walking character of 200 k Gaussians, SH degree 3: what the paper's times are set beside."""
     scene = replace(named_scene("knight_walk"), num_gaussians=200_000, sh_degree=3)
-    return list(islice(scene.frames(find_asset(scene.asset)), _FRAMES))
+    return list(islice(scene.frames(find_asset(scene.asset)), num_frames))
 
 
 def _noise_frames(cloud: GaussianCloud) -> list[GaussianCloud]:
@@ -127,7 +127,7 @@ def main() -> None:
             "all_attributes_drift": VARIANTS["drift"](clean(), 0),
             "all_attributes_noise": _noise_frames(cloud),
             "static": VARIANTS["static"](clean(), 0),
-            "character_200k": _character(),
+            "character_200k": character(),
         }
         for name, sequence in sequences.items():
             frames = list(sequence)
