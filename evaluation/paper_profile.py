@@ -74,7 +74,7 @@ def _coded(frames: list[GaussianCloud], options: EncoderOptions, folder: Path) -
     return figures, decoded
 
 
-def _psnrs(images: Images, clouds: list[GaussianCloud], views: list[Camera]) -> tuple[float | None, list]:
+def psnrs(images: Images, clouds: list[GaussianCloud], views: list[Camera]) -> tuple[float | None, list]:
     """Pooled over P-frames, and of each."""
     rated = [
         frame_quality(index, found, cloud, views)
@@ -94,9 +94,9 @@ def measure(
 ) -> Figures:
     """A setting on the frames of a GoF; `images` are those of the source's P-frames."""
     figures, decoded = _coded(frames, options, folder)
-    figures["psnr"], figures["psnr_by_frame"] = _psnrs(images, decoded[1:], views)
+    figures["psnr"], figures["psnr_by_frame"] = psnrs(images, decoded[1:], views)
     if options.profile == Profile.PAPER:
-        _, repeated = _psnrs(images, decoded[:-1], views)
+        _, repeated = psnrs(images, decoded[:-1], views)
         figures["repeated_by_frame"] = repeated
         figures["least_gain"] = least_gain(figures["psnr_by_frame"], repeated)
     return figures
