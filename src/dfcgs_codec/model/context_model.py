@@ -43,6 +43,15 @@ NUM_CONTROL_COMMON, NUM_CONTROL_INPUTS = 6, 10
 NUM_DENSITY_CLASSES = 4
 #: columns of a control point's symbols; neighbours' mean, residuals of earlier columns, symbol before, habit
 CONTROL_WEIGHTS = (6, 8)
+#: arrays of a file besides its networks and their models
+_TABLES = (
+    "columns.tables",
+    "columns.frequencies",
+    "control.tables",
+    "control.frequencies",
+    "magnitudes.tables",
+    "control.weights",
+)
 #: sums below this are exact in float32
 _EXACT = 1 << 24
 _MAX_SHIFT = 23
@@ -267,6 +276,9 @@ class ContextModel:
     @staticmethod
     def of_arrays(model_id: str, arrays: Arrays) -> ContextModel:
         """From the arrays of a file; LayerError where they make no model."""
+        missing = [name for name in _TABLES if name not in arrays]
+        if missing:
+            raise LayerError(f"{', '.join(missing)} are missing")
         magnitudes, weights = arrays["magnitudes.tables"], arrays["control.weights"]
         if magnitudes.shape != (2 * NUM_DENSITY_CLASSES,) or weights.shape != CONTROL_WEIGHTS:
             raise LayerError("magnitudes.tables or control.weights are not of the shape they should be")

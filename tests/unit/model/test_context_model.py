@@ -98,6 +98,9 @@ def broken(name: str, array: object) -> dict[str, np.ndarray]:
     ("name", "array"),
     [
         ("flags.0.bias", None),
+        ("columns.tables", None),
+        ("control.frequencies", None),
+        ("control.weights", None),
         ("flags.0.weight", np.zeros((12, 5), np.int16)),
         ("columns.0.weight", np.full((12, NUM_COMMON_INPUTS + NUM_COLUMN_INPUTS), 20000, np.int16)),
         ("columns.1.scale", np.array([10, NUM_CLASSES], np.int64)),
