@@ -25,7 +25,7 @@ from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.reconstruct import reconstruct_intra
 from dfcgs_codec.encoder.analysis import intra_symbols, order_of, plan_grid
 from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.frame_coding import code_intra_frame
+from dfcgs_codec.encoder.frame_coding import IntraTask, code_intra_frame
 from dfcgs_codec.encoder.report import attribute_errors
 from dfcgs_codec.encoder.targets import Targets, ordered
 from dfcgs_codec.ply import read_ply
@@ -83,7 +83,7 @@ class IntraFrame:
         """Bytes of the frame's chunk, its checksum and hash included."""
         steps = _steps(real)
         symbols, grid, _ = self._symbols(steps)
-        return len(code_intra_frame(0, symbols, grid, steps, _SETUP).data)
+        return len(code_intra_frame(0, IntraTask(symbols, grid, steps), _SETUP).data)
 
 
 def _inside_clamps(cloud: GaussianCloud) -> dict[str, npt.NDArray[np.bool_]]:

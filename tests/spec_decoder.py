@@ -661,11 +661,38 @@ def in_range(plane: Matrix) -> Matrix:
     return plane
 
 
-def coded_intra(
-    streams: Iterator[RangeDecoder], n: int, steps: dict[int, int], coding: tuple[SortGrid, bool]
-) -> tuple[State, Matrix]:
-    grid, has_permutation = coding
-    positions = position_tree(next(streams), n, grid)
+@dataclass
+class Grading:
+    """What a graded I-frame has besides (5)."""
+
+    coarse_log2: int
+    levels: dict[int, int]
+
+
+@dataclass
+class IntraHeader:
+    """What section 5 says of coded Gaussians, section 6.2 of births."""
+
+    grid: SortGrid
+    steps: dict[int, int]
+    grading: Grading | None
+
+    @property
+    def num_streams(self) -> int:
+        return len(self.steps) + (2 if self.grading else 0)
+
+
+class Intra(NamedTuple):
+    """Gaussians of an I-frame, or births; `anchors` are those of 9.2, `cover` the cover classes."""
+
+    state: State
+    anchors: Matrix
+    cover: Row
+
+
+def coded_intra(streams: Iterator[RangeDecoder], n: int, header: IntraHeader, has_permutation: bool) -> Intra:
+    steps = header.steps
+    positions = position_tree(next(streams), n, header.grid)
     lods = Lods(n, positions)
     order = permutation(next(streams), lods) if has_permutation else None
     planes = {POSITION: in_range(scaled(positions, steps[POSITION]))}
@@ -695,7 +722,7 @@ def coded_intra(
                 columns.append(value)
                 residuals.append(residual)
         planes[attribute] = in_range(scaled(transposed(columns), steps[attribute]))
-    return State(planes, order), positions
+    return Intra(State(planes, order), positions, [0] * n)
 
 
 # --- 12 P-frames ------------------------------------------------------------------------------------------
@@ -821,23 +848,39 @@ ALPHA_WEIGHTS = (
     -1, -1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
 )
 ROUNDNESS_WEIGHTS = (-81, -30, -5, 12, 25, 37, 47, 56, 66, 74, 83, 91, 99, 108, 116, 124)
-MULTIPLIERS = (256, 304, 362, 431, 512, 609, 724, 861, 1024, 1218, 1448, 1722, 2048)
+MULTIPLIERS = (
+    256, 304, 362, 431, 512, 609, 724, 861, 1024, 1218, 1448, 1722, 2048, 2435, 2896, 3444, 4096,
+)
 # fmt: on
 
 
-def visibility_weight(attribute: int, s: Row, o: int, exponents: dict[int, int]) -> int:
-    """Of a Gaussian, from its SCALE and OPACITY."""
+COVER_WEIGHT, MAX_COARSENESS = 16, 16
+
+
+def octaves_of(s: Row, exponents: dict[int, int]) -> Row:
+    """Of each axis, in sixteenths."""
     shift = clip(10 - exponents[SCALE], 0, 63)
-    _, middle, longest = sorted((OCTAVES_PER_LOG * c) >> shift for c in s)
+    return [(OCTAVES_PER_LOG * c) >> shift for c in s]
+
+
+def alpha_weight(o: int, exponents: dict[int, int]) -> int:
     quarter = expand(o, exponents[OPACITY]) >> (-2 - exponents[OPACITY])
-    alpha = ALPHA_WEIGHTS[clip(quarter + 32, 0, 63)]
-    area, ratio = longest + middle, longest - middle
-    roundness = ROUNDNESS_WEIGHTS[ratio >> 2] if ratio >> 2 < 16 else 2 * ratio
+    return ALPHA_WEIGHTS[clip(quarter + 32, 0, 63)]
+
+
+def roundness(r: int) -> int:
+    return ROUNDNESS_WEIGHTS[max(r, 0) >> 2] if max(r, 0) >> 2 < 16 else 2 * r
+
+
+def visibility_weight(attribute: int, s: Row, o: int, exponents: dict[int, int]) -> int:
+    """Of a Gaussian, from its SCALE and OPACITY; less what its cover class takes."""
+    _, middle, longest = sorted(octaves_of(s, exponents))
+    alpha, area = alpha_weight(o, exponents), longest + middle
     if attribute == POSITION:
         return alpha
     if attribute == OPACITY:
         return area
-    return alpha + area + (roundness if attribute == ROTATION else 0)
+    return alpha + area + (roundness(longest - middle) if attribute == ROTATION else 0)
 
 
 def coarser(changes: Matrix, multipliers: Row) -> Matrix:
@@ -855,15 +898,16 @@ class Steps:
     steps: dict[int, int]
     levels: dict[int, int]
     exponents: dict[int, int]
+    cover: Row
 
     def coarseness(self, attribute: int, reference: State) -> Row:
         """9.5: of each Gaussian, in quarter octaves; 0 without the tool."""
         if attribute not in self.levels:
             return [0] * len(reference.positions)
         level, coarseness = self.levels[attribute], []
-        for s, (o,) in zip(reference.planes[SCALE], reference.planes[OPACITY], strict=True):
-            weight = visibility_weight(attribute, s, o, self.exponents)
-            coarseness.append(clip((level - weight) >> 3, 0, 12))
+        for s, (o,), c in zip(reference.planes[SCALE], reference.planes[OPACITY], self.cover, strict=True):
+            weight = visibility_weight(attribute, s, o, self.exponents) - COVER_WEIGHT * c
+            coarseness.append(clip((level - weight) >> 3, 0, MAX_COARSENESS))
         return coarseness
 
     def changes(self, attribute: int, symbols: Matrix, reference: State) -> Matrix:
@@ -889,6 +933,287 @@ def reconstruct_inter(activity: dict[int, Activity], steps: Steps, reference: St
                 [[a + b for a, b in zip(*rows, strict=True)] for rows in zip(plane, changes, strict=True)]
             )
     return State(planes, reference.order)
+
+
+# --- 9.6, 11.5 to 11.7 graded I-frames --------------------------------------------------------------------
+
+MAX_COVER, MAX_TURN_WEIGHT, SPIN_WEIGHT, MAX_TURN_STEP = 15, 64, 16, 2**16
+
+
+class Look(NamedTuple):
+    """9.6: what weights of a Gaussian are made from."""
+
+    alpha: int
+    area: int
+    hidden: int
+    is_needle: bool
+    long: int
+    flat: int
+
+    @property
+    def seen(self) -> int:
+        return ((self.alpha + self.area) >> 1) - self.hidden
+
+
+def look_of(s: Row, o: int, c: int, exponents: dict[int, int]) -> Look:
+    axis = octaves_of(s, exponents)
+    is_needle = axis[0] - axis[1] > axis[1] - axis[2]
+    long = roundness(axis[0] - axis[1])
+    flat = min(roundness(axis[1] - axis[2] if is_needle else axis[0] - axis[2]), MAX_TURN_WEIGHT)
+    area = sum(axis) - min(axis)
+    return Look(alpha_weight(o, exponents), area, COVER_WEIGHT * c, is_needle, long, flat)
+
+
+def graded_step(header: IntraHeader, attribute: int, weight: int) -> int:
+    """9.6: `step_of`."""
+    if header.grading is None:
+        raise Refused
+    multiplier = MULTIPLIERS[clip((header.grading.levels[attribute] - weight) >> 3, 0, MAX_COARSENESS)]
+    return round_shift(header.steps[attribute] * multiplier, 8)
+
+
+def graded_column(stream: RangeDecoder, lods: Lods, earlier: Matrix, step: Row) -> tuple[Row, Row]:
+    """11.6: values and residuals of all rows."""
+    center = stream.signed_value(STATE_LIMIT)
+    weights = stream.read_weights(1 + len(earlier))
+    activity = stream.read_weights(2 + len(earlier))
+    tables = stream.read_tables(32)
+    value, residual = [0] * lods.count, [0] * lods.count
+
+    def predict(row: int, mean: int) -> int:
+        learned = sum(e[row] * w for e, w in zip(earlier, weights[1:], strict=True))
+        return center + round_shift((mean - (center << 8)) * weights[0] + (learned << 8), 16)
+
+    def context(row: int, deviation: int) -> int:
+        own = activity[1] * step[row]
+        own += sum(abs(e[row]) * w for e, w in zip(earlier, activity[2:], strict=True))
+        t = deviation * activity[0] + (own << 8)
+        return ladder((max(t, 0) >> 11) // step[row], 31)
+
+    def code_pass(rows: range, contexts: Row, predictions: Row) -> None:
+        for row, p, k in zip(rows, predictions, stream.residuals(contexts, tables), strict=True):
+            require(abs(k) <= 2 * STATE_LIMIT // step[row])
+            residual[row] = k * step[row]
+            value[row] = p + residual[row]
+            require(abs(value[row]) <= STATE_LIMIT)
+
+    if not (weights[0] or activity[0]):
+        rows = range(lods.count)
+        code_pass(rows, [context(i, 0) for i in rows], [predict(i, center << 8) for i in rows])
+        return value, residual
+    code_pass(lods.base, [31] * len(lods.base), [predict(i, center << 8) for i in lods.base])
+    for rows, neighbours in lods.levels():
+        found = [lods.statistics(i, neighbours(i), value) for i in rows]
+        contexts = [context(i, deviation) for i, (_, deviation) in zip(rows, found, strict=True)]
+        code_pass(rows, contexts, [predict(i, mean) for i, (mean, _) in zip(rows, found, strict=True)])
+    return value, residual
+
+
+def graded_columns(
+    stream: RangeDecoder, lods: Lods, earlier: Matrix, coding: tuple[int, Row]
+) -> Iterator[Row]:
+    """As many columns as `coding` says, with its steps; `earlier` gets their residuals."""
+    num_columns, step = coding
+    for _ in range(num_columns):
+        value, residual = graded_column(stream, lods, earlier, step)
+        yield value
+        earlier.append(residual)
+
+
+def dot(a: Row, b: Row) -> int:
+    return sum(map(operator.mul, a, b))
+
+
+def axes_of(q: Row) -> Matrix:
+    """11.7."""
+
+    def t(v: int) -> int:
+        return round_shift(v, 32)
+
+    w, x, y, z = q
+    return [
+        [32768 - t(y * y + z * z), t(x * y + w * z), t(x * z - w * y)],
+        [t(x * y - w * z), 32768 - t(x * x + z * z), t(y * z + w * x)],
+        [t(x * z + w * y), t(y * z - w * x), 32768 - t(x * x + y * y)],
+    ]
+
+
+class Expected(NamedTuple):
+    """11.7: `frame`, `tilt_expected` and `spin_expected` of a row; the base has but the first."""
+
+    frame: Row
+    tilt: int | None
+    spin: int | None
+
+
+def expected_turn(is_needle: bool, axes: list[Matrix], weight: Row) -> Expected:
+    """11.7, from the neighbours' axes and weights."""
+    nearest = weight.index(max(weight))
+
+    def line(a: int) -> Row:
+        total = [0] * 3
+        for own, w in zip(axes, weight, strict=True):
+            signed = -w if dot(own[a], axes[nearest][a]) < 0 else w
+            total = [t + c * signed for t, c in zip(total, own[a], strict=True)]
+        return total
+
+    p = 0 if is_needle else 2
+    total = line(p)
+    length = math.isqrt(dot(total, total))
+    pole = [32768 if c == p else 0 for c in range(3)]
+    if length > 0:
+        pole = [round_divide(c << 15, length) for c in total]
+    if pole[p] < 0:
+        pole = [-c for c in pole]
+    near = sum(abs(dot(own[p], pole)) * w for own, w in zip(axes, weight, strict=True))
+    tilt_expected = max(2**38 - near, 0) >> 2
+
+    x, y, z = pole
+    if is_needle:
+        tilted = normalise([(32768 + x) << 9, 0, -z << 9, y << 9])
+    else:
+        tilted = normalise([(32768 + z) << 9, -y << 9, x << 9, 0])
+    m, turned = [c >> 8 for c in line(1)], axes_of(tilted)
+    along = dot(m, turned[1]) >> 15
+    across = dot(m, turned[2]) >> 15 if is_needle else -dot(m, turned[0]) >> 15
+    if along < 0:
+        along, across = -along, -across
+    length = math.isqrt(along * along + across * across)
+    w = (length + along if length > 0 else 32768) << 9
+    spun = normalise([w, across << 9, 0, 0] if is_needle else [w, 0, 0, across << 9])
+    return Expected(normalise(multiply(tilted, spun)), tilt_expected, max(32768 - length, 0) << 21)
+
+
+def turn_context(is_needle: bool, expected: int | None, step: int) -> int:
+    """11.7; nothing is expected in the base."""
+    first = 32 if is_needle else 0
+    if expected is None:
+        return first + 31
+    square = (expected << 5 >> 3) // (step * step)
+    return first + min((ladder(square, 64) + 1) >> 1, 30)
+
+
+def turned_by(frame: Row, is_needle: bool, turn: Row) -> Row:
+    """11.7, with two tilts and the spin."""
+    t0, t1, s = turn
+    tilt = from_stereo([0, t0, t1] if is_needle else [t0, t1, 0])
+    spin = from_stereo([s, 0, 0] if is_needle else [0, 0, s])
+    return normalise(multiply(multiply(frame, tilt), spin))
+
+
+def turns(stream: RangeDecoder, lods: Lods, is_needle: list[bool], steps: tuple[Row, Row]) -> Matrix:
+    """11.7: quaternions; `steps` are those of tilts and of spins."""
+    tilt_tables, spin_tables = stream.read_tables(64), stream.read_tables(64)
+    flip_models = stream.read_histograms([0], 4) if stream.decode(uniform(2)) else None
+    tilt_step, spin_step = steps
+    quaternion: Matrix = [[] for _ in range(lods.count)]
+    axes: list[Matrix] = [[] for _ in range(lods.count)]
+
+    def code_pass(rows: range, expected: list[Expected]) -> None:
+        c = [turn_context(is_needle[i], e.tilt, tilt_step[i]) for i, e in zip(rows, expected, strict=True)]
+        d = [turn_context(is_needle[i], e.spin, spin_step[i]) for i, e in zip(rows, expected, strict=True)]
+        tilt = stream.residuals(c + c, tilt_tables)
+        spin = stream.residuals(d, spin_tables)
+        flips = [0] * len(rows) if flip_models is None else stream.grouped([0] * len(rows), flip_models)
+        first, second = tilt[: len(rows)], tilt[len(rows) :]
+        for i, e, *symbols in zip(rows, expected, first, second, spin, strict=True):
+            own = [tilt_step[i], tilt_step[i], spin_step[i]]
+            require(all(abs(k) <= 2 * STATE_LIMIT // s for k, s in zip(symbols, own, strict=True)))
+            turn = [k * s for k, s in zip(symbols, own, strict=True)]
+            quaternion[i] = turned_by(e.frame, is_needle[i], turn)
+            axes[i] = axes_of(quaternion[i])
+        for i, f in zip(rows, flips, strict=True):
+            quaternion[i] = axis_flip(quaternion[i], f)
+
+    code_pass(lods.base, [Expected([2**24, 0, 0, 0], None, None)] * len(lods.base))
+    for rows, neighbours in lods.levels():
+        expected = []
+        for i in rows:
+            near = neighbours(i)
+            expected.append(expected_turn(is_needle[i], [axes[j] for j in near], lods.weights(i, near)))
+        code_pass(rows, expected)
+    return quaternion
+
+
+def position_bits(stream: RangeDecoder, index: Matrix, octaves: Row, coarse_log2: int) -> Matrix:
+    """11.5."""
+    index = [list(row) for row in index]
+    for n in range(1, coarse_log2 + 1):
+        rows = [i for i, o in enumerate(octaves) if o == coarse_log2 - n]
+        low = stream.bits(n, 3 * len(rows))
+        for j, i in enumerate(rows):
+            index[i] = [index[i][axis] << n | low[3 * j + axis] for axis in range(3)]
+    return index
+
+
+def graded_intra(
+    streams: Iterator[RangeDecoder],
+    n: int,
+    header: IntraHeader,
+    coding: tuple[dict[int, int], bool],
+) -> Intra:
+    """11.5; `coding` is the exponents and `has_permutation`."""
+    exponents, has_permutation = coding
+    if header.grading is None:
+        raise Refused
+    coarse_log2, position_step = header.grading.coarse_log2, header.steps[POSITION]
+    limit = 2 * STATE_LIMIT // position_step
+    coarse = position_tree(next(streams), n, header.grid)
+    require(all(abs(c) <= limit for row in coarse for c in row))
+    lods = Lods(n, coarse)
+    order = permutation(next(streams), lods) if has_permutation else None
+    cover, _ = predicted_component(next(streams), lods, [], [])
+    require(all(0 <= c <= MAX_COVER for c in cover))
+
+    def columns(attribute: int, earlier: Matrix, step: Row) -> Matrix:
+        coded = graded_columns(next(streams), lods, earlier, (COLUMNS[attribute], step))
+        return transposed(list(coded))
+
+    planes: dict[int, Matrix] = {POSITION: []}
+    planes[SCALE] = columns(SCALE, [], [graded_step(header, SCALE, -COVER_WEIGHT * c) for c in cover])
+    # alpha plays no part in the steps of OPACITY
+    looks = [look_of(s, 0, c, exponents) for s, c in zip(planes[SCALE], cover, strict=True)]
+    steps = [graded_step(header, OPACITY, (look.area >> 1) - look.hidden) for look in looks]
+    planes[OPACITY] = columns(OPACITY, [], steps)
+    looks = [
+        look_of(s, o, c, exponents) for s, (o,), c in zip(planes[SCALE], planes[OPACITY], cover, strict=True)
+    ]
+    level = header.grading.levels[POSITION]
+    octaves = [clip((level - ((look.alpha >> 1) - look.hidden)) >> 5, 0, coarse_log2) for look in looks]
+    index = position_bits(next(streams), coarse, octaves, coarse_log2)
+    require(all(abs(c) <= limit for row in index for c in row))
+    planes[POSITION] = in_range(
+        [
+            [(c * position_step << o) + (((1 << o) - 1) * position_step >> 1) for c in row]
+            for row, o in zip(index, octaves, strict=True)
+        ]
+    )
+    planes[ROTATION] = turns(next(streams), lods, [k.is_needle for k in looks], turn_steps(header, looks))
+    residuals: Matrix = []
+    for attribute in sorted(header.steps)[SH_DC:]:
+        steps = [graded_step(header, attribute, look.seen) for look in looks]
+        planes[attribute] = columns(attribute, residuals, steps)
+    anchors = [[round_divide(c, position_step) for c in row] for row in planes[POSITION]]
+    return Intra(State(planes, order), anchors, cover)
+
+
+def turn_steps(header: IntraHeader, looks: list[Look]) -> tuple[Row, Row]:
+    """9.6: of tilts and of spins."""
+    tilts, spins = [], []
+    for look in looks:
+        tilt, spin = (look.long, look.flat) if look.is_needle else (look.flat, look.long)
+        tilts.append(min(graded_step(header, ROTATION, look.seen + tilt), MAX_TURN_STEP))
+        spins.append(min(graded_step(header, ROTATION, look.seen + spin - SPIN_WEIGHT), MAX_TURN_STEP))
+    return tilts, spins
+
+
+def intra_gaussians(
+    streams: Iterator[RangeDecoder], n: int, header: IntraHeader, coding: tuple[dict[int, int], bool]
+) -> Intra:
+    """Graded or not; `coding` is the exponents and `has_permutation`."""
+    if header.grading is None:
+        return coded_intra(streams, n, header, coding[1])
+    return graded_intra(streams, n, header, coding)
 
 
 # --- 13 verbatim I-frames ---------------------------------------------------------------------------------
@@ -1408,7 +1733,7 @@ class Topology:
     """What a TOPOLOGY chunk says; `places` less those that are expected."""
 
     kept: Row
-    births: State | None
+    births: Intra | None
     places: Row | None
 
 
@@ -1438,6 +1763,7 @@ class Gof:
 
     state: State
     anchors: Matrix
+    cover: Row
     anchor_step: int
     control: ControlHeader
     prior: PriorModel | None = None
@@ -1477,6 +1803,7 @@ class Gof:
         self.motion.keep(kept)
         self.state = State(planes, order)
         self._anchored([self.anchors[i] for i in kept])
+        self.cover = [self.cover[i] for i in kept]
         for attribute, activity in self.history.items():
             count = num_blocks(len(kept), block_log2)
             self.history[attribute] = activity.of(lambda rows: [rows[i] for i in kept], count)
@@ -1496,14 +1823,15 @@ class Gof:
             self.state.order = [a + b for a, b in zip(topology.places, expected, strict=True)]
             require(sorted(self.state.order) == list(range(len(rows))))
 
-    def _insert(self, births: State, block_log2: int) -> list[Place]:
-        born = births.positions
+    def _insert(self, births: Intra, block_log2: int) -> list[Place]:
+        born = births.state.positions
         rows = interleaved(self.motion.cells, [self.motion.cell(position) for position in born])
         self.motion.insert(born, rows)
-        planes = {a: merged(rows, plane, births.planes[a]) for a, plane in self.state.planes.items()}
+        planes = {a: merged(rows, plane, births.state.planes[a]) for a, plane in self.state.planes.items()}
         self.state = State(planes, self.state.order)
         anchors = [[round_divide(x, self.anchor_step) for x in p] for p in born]
         self._anchored(merged(rows, self.anchors, anchors))
+        self.cover = merged(rows, self.cover, births.cover)
         for attribute, activity in self.history.items():
             count = num_blocks(len(rows), block_log2)
             self.history[attribute] = activity.of(
@@ -1979,7 +2307,7 @@ class Frame:
 def sequence_header(fields: Fields) -> Sequence:
     version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
     require(
-        version == 7 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
+        version == 8 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
     )
     num_frames = fields.uvarint()
     fields.uvarint()
@@ -2034,24 +2362,37 @@ def sort_grid(fields: Fields) -> SortGrid:
     return SortGrid(shift, bits, origin, bool(fields.u8()))
 
 
+def intra_header(fields: Fields, sequence: Sequence) -> IntraHeader:
+    """5, from `sort_shift` to `visibility_level`."""
+    grid = sort_grid(fields)
+    steps = {attribute: fields.uvarint() for attribute in sequence.attributes}
+    require(all(1 <= step <= STATE_LIMIT for step in steps.values()))
+    is_graded = fields.u8()
+    require(is_graded <= (1 if sequence.profile == MAIN else 0))
+    if not is_graded:
+        return IntraHeader(grid, steps, None)
+    coarse_log2 = fields.u8()
+    levels = {attribute: fields.svarint() for attribute in sequence.attributes}
+    require(coarse_log2 <= 8 and all(abs(level) <= STATE_LIMIT for level in levels.values()))
+    return IntraHeader(grid, steps, Grading(coarse_log2, levels))
+
+
 def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof]:
     """Hash, and the GoF that begins."""
     frame_hash, kind = fields.raw(16), fields.u8()
     n, has_permutation = fields.uvarint(), bool(fields.u8())
     control = ControlHeader(fields.u8(), fields.uvarint(), fields.u8())
     require(control.rule in (0, 1) and control.spacing >= 1 and control.shift <= 31)
-    count = len(sequence.attributes) + has_permutation
+    coding = (sequence.exponents, has_permutation)
     if kind == 1:
-        grid = sort_grid(fields)
-        steps = {attribute: fields.uvarint() for attribute in sequence.attributes}
-        streams = open_streams(fields, count)
-        gof = Gof(*coded_intra(streams, n, steps, (grid, has_permutation)), steps[POSITION], control)
+        header = intra_header(fields, sequence)
+        streams = open_streams(fields, header.num_streams + has_permutation)
+        gof = Gof(*intra_gaussians(streams, n, header, coding), header.steps[POSITION], control)
     else:
         require(kind == 0)
-        streams = open_streams(fields, count)
-        coding = (sequence.exponents, has_permutation)
+        streams = open_streams(fields, len(sequence.attributes) + has_permutation)
         state = verbatim_intra(streams, n, sequence.attributes, coding)
-        gof = Gof(state, state.positions, 1, control)
+        gof = Gof(state, state.positions, [0] * n, 1, control)
     require(next(streams, None) is None)
     return frame_hash, gof
 
@@ -2060,17 +2401,16 @@ def topology_chunk(fields: Fields, sequence: Sequence, n: int) -> Topology:
     """6.2, 15.1."""
     num_removals, has_permutation, num_births = fields.uvarint(), fields.u8(), fields.uvarint()
     require(num_removals < n and has_permutation <= 1)
-    attributes = sequence.attributes if num_births else []
-    grid = sort_grid(fields) if num_births else SortGrid(0, 0, [], False)
-    steps = {attribute: fields.uvarint() for attribute in attributes}
-    streams = open_streams(fields, (num_removals > 0) + len(attributes) + has_permutation)
+    header = intra_header(fields, sequence) if num_births else None
+    num_streams = header.num_streams if header else 0
+    streams = open_streams(fields, (num_removals > 0) + num_streams + has_permutation)
     removed, births, places = [0] * n, None, None
     if num_removals:
         stream = next(streams)
         removed = stream.grouped([0] * n, stream.read_histograms([0], 2))
         require(sum(removed) == num_removals)
-    if num_births:
-        births, _ = coded_intra(streams, num_births, steps, (grid, False))
+    if header:
+        births = intra_gaussians(streams, num_births, header, (sequence.exponents, False))
     if has_permutation:
         places, _ = predicted_component(next(streams), Lods(n - num_removals + num_births), [], [])
     require(next(streams, None) is None)
@@ -2145,7 +2485,7 @@ class Decoder:
             motion = gof.motion.decode(self._following(0x22, frame_index), block_log2)
             gof.state = gof.motion.carry(gof.state, motion.follows)
         activity: dict[int, Activity] = {}
-        frame_steps = Steps(steps, levels, self.sequence.exponents)
+        frame_steps = Steps(steps, levels, self.sequence.exponents, gof.cover)
         if mask:
             fields = self._following(0x24, frame_index)
             activity = residual(fields, gof, frame_steps, (block_log2, motion))

@@ -46,13 +46,14 @@ from dfcgs_codec.bitstream.constants import (
     Tool,
 )
 from dfcgs_codec.bitstream.container import ContainerWriter
-from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, Grading, SortGrid
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.graded_intra import GradedTarget
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.motion import MotionSymbols, classify_modes
 from dfcgs_codec.codec.residual_context import log_of
@@ -65,9 +66,10 @@ from dfcgs_codec.codec.side_information import (
     histogram_models,
 )
 from dfcgs_codec.codec.symbols import SymbolCoder, T
-from dfcgs_codec.codec.topology import TopologySymbols
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder import frame_coding, streams
+from dfcgs_codec.encoder.analysis import ZeroBin
+from dfcgs_codec.encoder.grading import TurnChooser
 from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
@@ -80,6 +82,7 @@ from dfcgs_codec.model import registry
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
+from dfcgs_codec.transform.rotation import normalise
 from tests import helpers
 from tests.context_models import random_arrays as random_prior_arrays
 from tests.latent_models import random_arrays
@@ -709,15 +712,42 @@ def _random_topology(
     if len(kept) == 0:
         kept = rng.integers(0, count, 1)
     num_births = int(rng.choice([0, 1, 30, 150]))
-    births, grid, steps = None, None, {}
+    births = None
     if num_births:
-        grid = _random_grid(rng)
-        symbols = _intra_symbols(rng, num_births, int(Attribute.SH_1 in attributes), grid)
-        births = replace(symbols, permutation=None)
-        steps = {attribute: int(rng.integers(1, 400)) for attribute in attributes}
+        births = _random_task(rng, num_births, attributes)
+        births = replace(births, target=replace(births.target, permutation=None))
     total = len(kept) + num_births
     inputs = rng.permutation(total) if rng.random() < 0.4 else None
-    return frame_coding.TopologyChange(TopologySymbols(kept, births), count, grid, steps, inputs)
+    return frame_coding.TopologyChange(kept, count, births, inputs)
+
+
+def _random_task(rng: np.random.Generator, count: int, attributes: list[Attribute]) -> frame_coding.IntraTask:
+    """Symbols of an I-frame, or of births, graded or not."""
+    grid = _random_grid(rng)
+    steps = {attribute: int(rng.integers(1, 400)) for attribute in attributes}
+    # beyond the cube of the stereographic vector, too
+    steps[Attribute.ROTATION] = int(rng.integers(1, 6000))
+    symbols = _intra_symbols(rng, count, int(Attribute.SH_1 in attributes), grid)
+    if rng.random() < 0.4:
+        return frame_coding.IntraTask(symbols, grid, steps)
+    levels = {attribute: int(rng.integers(-300, 500)) for attribute in attributes}
+    grading = Grading(int(rng.choice([0, 0, 1, 3, 8])), levels)
+    planes = {a: np.cumsum(rng.integers(-900, 900, v.shape), axis=0) for a, v in symbols.planes.items()}
+    planes[Attribute.ROTATION] = normalise(rng.integers(-(1 << 23), 1 << 23, (count, 4)))
+    coarse, log2 = symbols.planes[Attribute.POSITION], grading.coarse_log2
+    # so that far outliers stay on the grid
+    steps[Attribute.POSITION] = max(1, steps[Attribute.POSITION] >> log2)
+    positions = coarse << log2 | rng.integers(0, 1 << log2, coarse.shape)
+    target = GradedTarget(
+        planes,
+        positions,
+        np.clip(rng.integers(-4, 5, count).cumsum() // 4, 0, 15) * int(rng.integers(0, 2)),
+        symbols.permutation,
+        dict.fromkeys(attributes, ZeroBin(float(rng.choice([0.5, 0.6]))).quantise),
+        lambda rotation: TurnChooser(planes[Attribute.ROTATION], rotation).choose,
+        bool(rng.integers(0, 2)),
+    )
+    return frame_coding.IntraTask(target, grid, steps, grading)
 
 
 def _random_intra(
@@ -730,12 +760,7 @@ def _random_intra(
         permutation = rng.permutation(count) if rng.random() < 0.5 else None
         state = state_of(_cloud(rng, count, header.sh_degree), header.unit_exponents)
         return frame_coding.code_verbatim_frame(index, state, permutation, setup)
-    grid = _random_grid(rng)
-    steps = {attribute: int(rng.integers(1, 400)) for attribute in attributes}
-    # beyond the cube of the stereographic vector, too
-    steps[Attribute.ROTATION] = int(rng.integers(1, 6000))
-    symbols = _intra_symbols(rng, count, header.sh_degree, grid)
-    return frame_coding.code_intra_frame(index, symbols, grid, steps, setup)
+    return frame_coding.code_intra_frame(index, _random_task(rng, count, attributes), setup)
 
 
 def _random_inter(
@@ -747,7 +772,7 @@ def _random_inter(
     change = _random_topology(rng, before.state, attributes)
     state = before.state
     if change is not None:
-        state = state.survivors(change.symbols.kept, block_log2)
+        state = state.survivors(change.kept, block_log2)
     symbols = _inter_symbols(rng, present, state.frame.num_gaussians, block_log2)
     steps = {attribute: int(rng.integers(1, 3000)) for attribute in attributes}
     trial = _random_motion(rng, state, block_log2)

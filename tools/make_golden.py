@@ -23,6 +23,7 @@ from dfcgs_codec import Bound, EncoderOptions, GaussianCloud, decode_sequence, e
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     LEVELS,
+    MAX_COARSE_LOG2,
     STATE_LIMIT,
     ChunkType,
     Compensation,
@@ -111,6 +112,8 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.all_changing(helpers.make_cloud(70, 1), 3),
             EncoderOptions(visibility=False),
         ),
+        "no_cover": (helpers.all_changing(helpers.real_cloud(200), 3), EncoderOptions(cover=False)),
+        "graded_over_gof_borders": (_waving(400, 5), EncoderOptions(gof_size=2, control_spacing=20)),
         "motion": (_waving(900, 4), EncoderOptions(control_spacing=20)),
         "motion_by_stride": (
             _waving(600, 3),
@@ -251,6 +254,11 @@ def _longer(header: IntraHeader) -> IntraHeader:
     return replace(header, lengths=(*header.lengths[:-1], header.lengths[-1] + 8))
 
 
+def _coarse(header: IntraHeader) -> IntraHeader:
+    assert header.grading is not None
+    return replace(header, grading=replace(header.grading, coarse_log2=MAX_COARSE_LOG2 + 1))
+
+
 def _steps(value: int) -> Callable[[IntraHeader], IntraHeader]:
     return lambda header: replace(header, steps=dict.fromkeys(header.steps, value))
 
@@ -271,6 +279,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
         ),
         "step_0": (_changed_intra(valid, _steps(0)), "CorruptBitstream"),
         "step_too_large": (_changed_intra(valid, _steps(STATE_LIMIT + 1)), "LimitExceeded"),
+        "coarse_positions": (_changed_intra(valid, _coarse), "LimitExceeded"),
         "spare_words": (_changed_intra(valid, _longer, bytes(8)), "CorruptBitstream"),
         "spare_bytes": (_changed_intra(valid, lambda h: h, bytes(4)), "CorruptBitstream"),
         "coarse_opacity": (_with_opacity_unit(valid, -10), "LimitExceeded"),
@@ -328,7 +337,7 @@ def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
         "text_mode": (valid.replace(b"\r\n", b"\n", 1), "NotADgsFile"),
         "foreign_glps": (b"glps" + valid[4:], "NotADgsFile"),
         "trailing_bytes": (valid + b"more", "CorruptBitstream"),
-        "version_6": (_chunks_with(valid, _in_chunk(header, 0, 6)), "UnsupportedBitstream"),
+        "version_7": (_chunks_with(valid, _in_chunk(header, 0, 7)), "UnsupportedBitstream"),
         "version_200": (_chunks_with(valid, _in_chunk(header, 0, 200)), "UnsupportedBitstream"),
         "unknown_profile": (_chunks_with(valid, _in_chunk(header, 1, 9)), "UnsupportedBitstream"),
         "paper_profile": (_chunks_with(valid, _in_chunk(header, 1, 1)), "ModelMismatch"),

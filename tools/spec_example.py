@@ -169,9 +169,8 @@ def build() -> bytes:
     planes = {attribute: np.array(rows, np.int64) for attribute, rows in _INTRA.items()}
     symbols = IntraSymbols(planes, np.array(_PERMUTATION, np.int64))
     with mock.patch.object(streams, "SymbolWriter", PlainWriter):
-        intra = frame_coding.code_intra_frame(
-            0, symbols, _GRID, _STEPS, GofSetup(_CONTROL, _HEADER.unit_exponents)
-        )
+        task = frame_coding.IntraTask(symbols, _GRID, _STEPS)
+        intra = frame_coding.code_intra_frame(0, task, GofSetup(_CONTROL, _HEADER.unit_exponents))
         trial = _motion(intra)
         inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra.state, _RESIDUAL, trial)
     writer.gof(0, [intra.data, inter.data])
@@ -256,6 +255,7 @@ def _intra_frame(trace: _Tracer) -> None:
     names = [attribute.name for attribute in trace.attributes]
     for name in names:
         trace.number("uvarint", f"step of {name}")
+    trace.number("u8", "is_graded")
     _streams(trace, names[:1] + ["the permutation"] * permuted + names[1:])
 
 

@@ -225,13 +225,17 @@ def test_gof_size_is_auto_or_a_number(frames_dir: Path, tmp_path: Path) -> None:
 
 def test_steps_can_be_the_same_for_all(tmp_path: Path) -> None:
     frames_dir = write_frames(tmp_path / "frames", all_changing(real_cloud(300), 4))
-    sizes = {}
-    for steps in ("visibility", "uniform"):
-        target = tmp_path / f"{steps}.dgs"
-        assert dfcgs("encode", frames_dir, target, "--steps", steps, "--verify").returncode == 0
-        frames = json.loads(dfcgs("info", target, "--json").stdout)["frames"]
-        sizes[steps] = sum(frame["num_bytes"] for frame in frames if frame["frame_type"] != "I")
-    assert sizes["visibility"] < sizes["uniform"]
+    found = {}
+    for steps, cover in (("visibility", "auto"), ("visibility", "off"), ("uniform", "auto")):
+        target = tmp_path / f"{steps}-{cover}.dgs"
+        done = dfcgs("encode", frames_dir, target, "--steps", steps, "--cover", cover, "--verify")
+        assert done.returncode == 0, done.stderr
+        found[steps, cover] = json.loads(dfcgs("info", target, "--json").stdout)
+    spent = {key: info["bytes_by_attribute"] for key, info in found.items()}
+    assert "COVER" not in spent["uniform", "auto"]
+    assert spent["visibility", "off"]["COVER"] <= 8
+    assert spent["visibility", "auto"]["COVER"] > 0
+    assert found["visibility", "auto"]["num_bytes"] < found["uniform", "auto"]["num_bytes"]
 
 
 def test_motion_can_be_left_out(frames_dir: Path, tmp_path: Path) -> None:

@@ -287,7 +287,9 @@ def test_static_gaussians_are_bit_identical(options: EncoderOptions, tmp_path: P
 
 
 def test_static_attributes_are_bit_identical_over_gof_borders(tmp_path: Path) -> None:
-    decoded = round_trip(drifting(make_cloud(200, 1), 9), tmp_path / "a.dgs", EncoderOptions(gof_size=3))
+    # graded I-frames predict each Gaussian from its neighbours, which are others once some have moved
+    options = EncoderOptions(gof_size=3, visibility=False)
+    decoded = round_trip(drifting(make_cloud(200, 1), 9), tmp_path / "a.dgs", options)
     for frame in decoded[1:]:
         for field in ("rotations", "scales", "opacities", "sh_dc", "sh_rest"):
             assert getattr(frame, field).tobytes() == getattr(decoded[0], field).tobytes()

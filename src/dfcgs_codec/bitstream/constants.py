@@ -8,7 +8,7 @@ from typing import NamedTuple
 MAGIC = b"\x89DGS\r\n\x1a\n"
 #: first bytes of another package's `.dgs` files (dgs-py: one static scene with linear velocities)
 FOREIGN_MAGIC = b"glps"
-BITSTREAM_VERSION = 7
+BITSTREAM_VERSION = 8
 
 #: chunk types with this bit set may be skipped when unknown
 ANCILLARY_BIT = 0x80
@@ -27,6 +27,10 @@ MAX_OPACITY_EXPONENT = -11
 #: the sort key holds this many bits per axis at most
 MAX_SORT_BITS = 21
 MAX_SORT_SHIFT = 31
+#: octaves by which positions of a graded I-frame are coarser than their step at most
+MAX_COARSE_LOG2 = 8
+#: streams of a graded I-frame that are no attribute's
+GRADED_STREAMS = ("COVER", "POSITION_BITS")
 #: log2 of the Gaussians in a significance block of a P-frame
 MIN_BLOCK_LOG2 = 3
 MAX_BLOCK_LOG2 = 12

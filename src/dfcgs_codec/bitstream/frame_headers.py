@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from dfcgs_codec.bitstream.constants import (
     FRAME_HASH_BYTES,
+    GRADED_STREAMS,
     MAX_BLOCK_LOG2,
+    MAX_COARSE_LOG2,
     MAX_CONTROL_SHIFT,
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
@@ -97,9 +100,60 @@ def read_steps(reader: ByteReader, attributes: list[Attribute]) -> dict[Attribut
     return steps
 
 
+def read_levels(reader: ByteReader, attributes: list[Attribute]) -> dict[Attribute, int]:
+    """The weight of each attribute at which steps are as given."""
+    levels = {}
+    for attribute in attributes:
+        offset = reader.offset
+        levels[attribute] = reader.svarint()
+        at_most(abs(levels[attribute]), STATE_LIMIT, "visibility_level", offset)
+    return levels
+
+
+def write_levels(writer: ByteWriter, levels: dict[Attribute, int]) -> None:
+    """Levels in rising order of attributes."""
+    for attribute in sorted(levels):
+        writer.svarint(levels[attribute])
+
+
+@dataclass(frozen=True)
+class Grading:
+    """How steps of an I-frame, or of births, follow visibility (spec section 9.6).
+
+    Positions are coarser by up to 2**`coarse_log2`; `levels` by attribute, sixteenths of an octave.
+    """
+
+    coarse_log2: int
+    levels: dict[Attribute, int]
+
+    @staticmethod
+    def write(writer: ByteWriter, grading: Grading | None) -> None:
+        """Whether there is one, and what it says."""
+        writer.u8(int(grading is not None))
+        if grading is not None:
+            writer.u8(grading.coarse_log2)
+            write_levels(writer, grading.levels)
+
+    @staticmethod
+    def read(reader: ByteReader, sequence: SequenceHeader) -> Grading | None:
+        """None where there is none."""
+        offset = reader.offset
+        if not read_bounded(reader.u8, 1, "is_graded", reader):
+            return None
+        if sequence.profile == Profile.PAPER:
+            raise CorruptBitstream("a graded I-frame in profile PAPER", offset=offset)
+        coarse_log2 = read_bounded(reader.u8, MAX_COARSE_LOG2, "coarse_log2", reader)
+        return Grading(coarse_log2, read_levels(reader, coded_attributes(sequence.sh_degree)))
+
+
 def coded_attributes(sh_degree: int) -> list[Attribute]:
     """Attributes of a frame in coding order."""
     return list(Attribute)[: Attribute.SH_1 + sh_degree]
+
+
+def num_intra_streams(attributes: Collection[Attribute], grading: Grading | None) -> int:
+    """Streams of an I-frame or of births, but for a permutation; a graded one has two more."""
+    return len(attributes) + (0 if grading is None else len(GRADED_STREAMS))
 
 
 @dataclass(frozen=True)
@@ -114,6 +168,7 @@ class IntraHeader:
     sort_grid: SortGrid | None
     steps: dict[Attribute, int]
     lengths: tuple[int, ...]
+    grading: Grading | None = None
 
     def write(self, writer: ByteWriter) -> None:
         """All fields in order; grid and steps for `coded` frames only."""
@@ -125,6 +180,7 @@ class IntraHeader:
         if self.sort_grid is not None:
             self.sort_grid.write(writer)
             write_steps(writer, self.steps)
+            Grading.write(writer, self.grading)
         for length in self.lengths:
             writer.uvarint(length)
 
@@ -140,12 +196,14 @@ class IntraHeader:
         permuted = bool(read_bounded(reader.u8, 1, "has_permutation", reader))
         control = ControlHeader.read(reader)
         attributes = coded_attributes(sequence.sh_degree)
-        grid, steps = None, {}
+        grid, steps, grading = None, {}, None
         if kind == IntraKind.CODED:
             grid = SortGrid.read(reader)
             steps = read_steps(reader, attributes)
-        lengths = tuple(reader.uvarint() for _ in range(len(attributes) + permuted))
-        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths)
+            grading = Grading.read(reader, sequence)
+        num_streams = num_intra_streams(attributes, grading) + permuted
+        lengths = tuple(reader.uvarint() for _ in range(num_streams))
+        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths, grading)
 
 
 def _read_block_log2(reader: ByteReader) -> int:
@@ -181,8 +239,7 @@ class InterHeader:
         if self.block_log2 and (self.steps or self.tools):
             writer.u8(self.block_log2)
         write_steps(writer, self.steps)
-        for attribute in sorted(self.visibility):
-            writer.svarint(self.visibility[attribute])
+        write_levels(writer, self.visibility)
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> InterHeader:
@@ -206,9 +263,5 @@ class InterHeader:
         if sequence.profile == Profile.PAPER or (not mask and not tools):
             return InterHeader(frame_hash, tools, 0, {})
         block_log2, steps = _read_block_log2(reader), read_steps(reader, present)
-        visibility = {}
-        for attribute in present if Tool.VISIBILITY in tools else []:
-            offset = reader.offset
-            visibility[attribute] = reader.svarint()
-            at_most(abs(visibility[attribute]), STATE_LIMIT, "visibility_level", offset)
+        visibility = read_levels(reader, present if Tool.VISIBILITY in tools else [])
         return InterHeader(frame_hash, tools, block_log2, steps, visibility)

@@ -6,7 +6,14 @@ from dataclasses import dataclass
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.fields import read_bounded
-from dfcgs_codec.bitstream.frame_headers import SortGrid, coded_attributes, read_steps, write_steps
+from dfcgs_codec.bitstream.frame_headers import (
+    Grading,
+    SortGrid,
+    coded_attributes,
+    num_intra_streams,
+    read_steps,
+    write_steps,
+)
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 
@@ -15,7 +22,8 @@ from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 class TopologyHeader:
     """Which Gaussians go and come.
 
-    `num_births` Gaussians are coded like an I-frame with `sort_grid` and `steps`, absent where none come.
+    `num_births` Gaussians are coded like an I-frame with `sort_grid`, `steps` and `grading`, absent where
+    none come.
     `has_permutation`: whether places in the output are coded.
     """
 
@@ -24,11 +32,13 @@ class TopologyHeader:
     num_births: int
     sort_grid: SortGrid | None
     steps: dict[Attribute, int]
+    grading: Grading | None = None
 
     @property
     def num_streams(self) -> int:
         """Streams of the chunk."""
-        return (self.num_removals > 0) + len(self.steps) + self.has_permutation
+        births = num_intra_streams(self.steps, self.grading)
+        return (self.num_removals > 0) + births + self.has_permutation
 
     def write(self, writer: ByteWriter) -> None:
         """All fields in order; grid and steps where there are births."""
@@ -38,6 +48,7 @@ class TopologyHeader:
         if self.sort_grid is not None:
             self.sort_grid.write(writer)
             write_steps(writer, self.steps)
+            Grading.write(writer, self.grading)
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> TopologyHeader:
@@ -50,4 +61,5 @@ class TopologyHeader:
             return TopologyHeader(removals, has_permutation, 0, None, {})
         grid = SortGrid.read(reader)
         steps = read_steps(reader, coded_attributes(sequence.sh_degree))
-        return TopologyHeader(removals, has_permutation, births, grid, steps)
+        grading = Grading.read(reader, sequence)
+        return TopologyHeader(removals, has_permutation, births, grid, steps, grading)

@@ -78,6 +78,11 @@ def main() -> None:
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
         _fail("interrupted; nothing was written", EXIT_FAILED)
+    except RuntimeError as error:
+        # an interrupt inside a lock of the threading module comes out as this
+        if not isinstance(error.__context__, KeyboardInterrupt):
+            raise
+        _fail("interrupted; nothing was written", EXIT_FAILED)
     except BitstreamError as error:
         _fail(f"{error} [{error.code}]", EXIT_REFUSED)
     except DfcgsError as error:

@@ -85,6 +85,7 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         latent_step=values["latent_step"],
         refinement=RefinementMode(values["refinement"]),
         visibility=values["steps"] == "visibility",
+        cover=values["cover"] == "auto",
         prior=PriorMode(values["prior"]),
         intra=IntraKind[values["intra"].upper()],
         order=OutputOrder[values["order"].upper()],
@@ -210,7 +211,14 @@ def _summary(report: EncodeReport, target: Path) -> str:
     type=click.Choice(["visibility", "uniform"]),
     default="visibility",
     show_default=True,
-    help="Steps of residuals: coarser for Gaussians that show less, or one for all.",
+    help="Quantiser steps: coarser for Gaussians that show less, or one for all.",
+)
+@click.option(
+    "--cover",
+    type=click.Choice(["auto", "off"]),
+    default="auto",
+    show_default=True,
+    help="Whether what lies behind other Gaussians, from all sides, counts as showing less.",
 )
 @click.option(
     "--intra",

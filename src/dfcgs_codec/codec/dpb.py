@@ -66,18 +66,21 @@ class FrameState:
     companded, SH_DC (N, 3), SH_1, SH_2, SH_3 (N, 9), (N, 15), (N, 21): coefficient by coefficient, red,
     green, blue within.
     `order` (N, 1) is the place of each Gaussian in the output, or None when they come as they are.
-    `verbatim` holds the float32 frame of a `ply` I-frame, in GoF order.
+    `verbatim` holds the float32 frame of a `ply` I-frame, in GoF order. `cover` int64 (N,) are the cover
+    classes of a graded I-frame and of what follows it; they are no part of the hash.
     """
 
     planes: dict[Attribute, Plane]
     order: Plane | None = None
     verbatim: GaussianCloud | None = field(default=None, compare=False)
+    cover: Int64 | None = field(default=None, compare=False)
 
     def take(self, rows: Int64) -> FrameState:
         """Some of the Gaussians, their places in the output closed up."""
         planes = {attribute: Plane(plane.values[rows]) for attribute, plane in self.planes.items()}
         order = None if self.order is None else Plane(ranks(self.order.values[rows, 0])[:, None])
-        return FrameState(planes, order)
+        cover = None if self.cover is None else self.cover[rows]
+        return FrameState(planes, order, cover=cover)
 
     def merge(self, births: FrameState, source: Int64) -> FrameState:
         """With `births`: row i of the result is row source[i] of these and those.
@@ -88,11 +91,18 @@ class FrameState:
             attribute: Plane(np.concatenate([plane.values, births.planes[attribute].values])[source])
             for attribute, plane in self.planes.items()
         }
+        cover = None
+        if self.cover is not None or births.cover is not None:
+            cover = np.concatenate([self.covers(), births.covers()])[source]
         if self.order is None:
-            return FrameState(planes)
+            return FrameState(planes, cover=cover)
         behind = np.arange(len(self.order.values), len(source))
         places = np.concatenate([self.order.values[:, 0], behind])[source]
-        return FrameState(planes, Plane(places[:, None]))
+        return FrameState(planes, Plane(places[:, None]), cover=cover)
+
+    def covers(self) -> Int64:
+        """`cover`, 0 where there is none."""
+        return np.zeros(self.num_gaussians, np.int64) if self.cover is None else self.cover
 
     @property
     def num_gaussians(self) -> int:

@@ -18,12 +18,14 @@ from dfcgs_codec.codec.compensation import Carried
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.inter import InterShape, code_inter
-from dfcgs_codec.codec.intra import IntraShape, code_intra
+from dfcgs_codec.codec.intra import IntraShape
+from dfcgs_codec.codec.intra_frame import IntraCoding
 from dfcgs_codec.codec.latent_motion import LatentReference, code_hyper, code_latents
 from dfcgs_codec.codec.motion import NUM_MOTION_STREAMS, MotionSymbols, code_motion
-from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
+from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topology
+from dfcgs_codec.codec.symbols import Int64
+from dfcgs_codec.codec.topology import code_places, code_topology
 from dfcgs_codec.codec.verbatim import cloud_of_columns, code_verbatim, state_of
 from dfcgs_codec.errors import CorruptBitstream, VerificationError
 from dfcgs_codec.model.context_model import ContextModel
@@ -65,20 +67,16 @@ def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHead
     streams = _Streams(reader, header.lengths)
     if header.kind == IntraKind.PLY:
         widths = [STATE_COLUMNS[a] for a in attributes]
-        shape = (header.num_gaussians, header.has_permutation)
-        verbatim = code_verbatim(streams.next, None, widths, shape)
+        verbatim = code_verbatim(streams.next, None, widths, (header.num_gaussians, header.has_permutation))
         streams.close()
         state = state_of(cloud_of_columns(verbatim.columns), sequence.unit_exponents)
         order = None if verbatim.permutation is None else Plane(verbatim.permutation[:, None])
         return FrameState(state.planes, order, state.verbatim)
     assert header.sort_grid is not None
-    symbols = code_intra(
-        streams.next,
-        None,
-        IntraShape(header.num_gaussians, attributes, header.has_permutation, header.sort_grid),
-    )
+    shape = IntraShape(header.num_gaussians, attributes, header.has_permutation, header.sort_grid)
+    state = IntraCoding(shape, header.steps, header.grading, sequence.unit_exponents).code(streams.next, None)
     streams.close()
-    return reconstruct_intra(symbols, header.steps)
+    return state
 
 
 class GofDecoder:
@@ -156,7 +154,7 @@ class GofDecoder:
         if Tool.TOPOLOGY in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.TOPOLOGY)
             topology = _Topology.read(chunk, self._sequence, state.frame.num_gaussians)
-            state = state.survivors(topology.symbols.kept, header.block_log2)
+            state = state.survivors(topology.kept, header.block_log2)
         carried = None
         if Tool.MOTION in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.MOTION)
@@ -195,7 +193,8 @@ class _Topology:
     """A TOPOLOGY chunk, up to its permutation, which cannot be read before the frame is there."""
 
     header: TopologyHeader
-    symbols: TopologySymbols
+    kept: Int64
+    births: FrameState | None
     streams: _Streams
 
     @staticmethod
@@ -206,14 +205,14 @@ class _Topology:
         count = num_gaussians - header.num_removals + header.num_births
         at_most(count, sequence.limits.max_gaussians, "num_gaussians", offset)
         streams = _Streams(reader, tuple(reader.uvarint() for _ in range(header.num_streams)))
-        symbols = code_topology(streams.next, None, header, num_gaussians)
-        return _Topology(header, symbols, streams)
+        before = (num_gaussians, sequence.unit_exponents)
+        kept, births = code_topology(streams.next, None, header, before)
+        return _Topology(header, kept, births, streams)
 
     def finish(self, state: GofState, block_log2: int) -> GofState:
         """Add births and put all in their places."""
-        if self.symbols.births is not None:
-            births = reconstruct_intra(self.symbols.births, self.header.steps)
-            state = state.with_births(births, state.places_of_births(births), block_log2)
+        if self.births is not None:
+            state = state.with_births(self.births, state.places_of_births(self.births), block_log2)
         if self.header.has_permutation:
             state = state.in_places(code_places(self.streams.next(), None, state.expected_places()))
         self.streams.close()

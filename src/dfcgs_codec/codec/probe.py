@@ -7,7 +7,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dfcgs_codec.bitstream.constants import BITSTREAM_VERSION, STATE_COLUMNS, Attribute, ChunkType, Profile
+from dfcgs_codec.bitstream.constants import (
+    BITSTREAM_VERSION,
+    GRADED_STREAMS,
+    STATE_COLUMNS,
+    Attribute,
+    ChunkType,
+    Profile,
+)
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader
@@ -96,11 +103,21 @@ class SequenceInfo:
         }
 
 
-def _intra(reader: ByteReader, head: ChunkHead, info: SequenceInfo, number: int) -> FrameInfo:
-    header = IntraHeader.read(reader, info.header)
-    names = [a.name for a in coded_attributes(info.header.sh_degree)]
+def _stream_names(attributes: list[Attribute], header: IntraHeader) -> list[str]:
+    """What is in the streams of an I-frame, in their order."""
+    names = [a.name for a in attributes]
+    if header.grading is not None:
+        cover, bits = GRADED_STREAMS
+        position, scale, rotation, opacity, *colours = names
+        names = [position, cover, scale, opacity, bits, rotation, *colours]
     if header.has_permutation:
         names.insert(1, _PERMUTATION)
+    return names
+
+
+def _intra(reader: ByteReader, head: ChunkHead, info: SequenceInfo, number: int) -> FrameInfo:
+    header = IntraHeader.read(reader, info.header)
+    names = _stream_names(coded_attributes(info.header.sh_degree), header)
     size = head.end - head.offset
     lengths = dict(zip(names, header.lengths, strict=True))
     return FrameInfo(head.frame_index, number, "I", header.num_gaussians, size, lengths)

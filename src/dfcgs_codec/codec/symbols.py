@@ -26,8 +26,8 @@ T = TypeVar("T")
 ResidualEvidence = Callable[[], tuple[Int64, UInt8]]
 #: an encoder's floats will do where it only chooses
 AnyReal = npt.NDArray[np.int64] | npt.NDArray[np.float64]
-#: features (a list of arrays) and the integers they should predict
-WeightEvidence = Callable[[], tuple[Sequence[AnyReal], Int64]]
+#: features (a list of arrays) and the numbers they should predict
+WeightEvidence = Callable[[], tuple[Sequence[AnyReal], AnyReal]]
 #: symbols and their contexts
 HistogramEvidence = Callable[[], tuple[Int64, UInt8]]
 #: values, the component that guides their histogram (or None), and a function that codes them predicted

@@ -8,9 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.component import EarlierPasses, code_component
-from dfcgs_codec.codec.intra import IntraShape, IntraSymbols, code_intra
+from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.codec.intra import IntraShape
+from dfcgs_codec.codec.intra_frame import IntraCoding, IntraTarget
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
 from dfcgs_codec.entropy.symbols import Groups, code_with_models
 from dfcgs_codec.errors import CorruptBitstream
@@ -27,7 +30,7 @@ class TopologySymbols:
     """
 
     kept: Int64
-    births: IntraSymbols | None
+    births: IntraTarget | None
 
 
 def _code_removals(coder: SymbolCoder, kept: Int64 | None, num_gaussians: int, num_removals: int) -> Int64:
@@ -49,18 +52,19 @@ def code_topology(
     next_coder: Callable[[], SymbolCoder],
     symbols: TopologySymbols | None,
     header: TopologyHeader,
-    num_gaussians: int,
-) -> TopologySymbols:
-    """Removals, then births; `num_gaussians` of the reference frame; returns the symbols."""
+    before: tuple[int, UnitExponents],
+) -> tuple[Int64, FrameState | None]:
+    """Removals, then births; `before`: Gaussians of the reference frame, units; who survives, who is born."""
+    num_gaussians, units = before
     kept = np.arange(num_gaussians)
     if header.num_removals:
         known = None if symbols is None else symbols.kept
         kept = _code_removals(next_coder(), known, num_gaussians, header.num_removals)
     if header.sort_grid is None:
-        return TopologySymbols(kept, None)
+        return kept, None
     shape = IntraShape(header.num_births, sorted(header.steps), False, header.sort_grid)
-    births = code_intra(next_coder, None if symbols is None else symbols.births, shape)
-    return TopologySymbols(kept, births)
+    coding = IntraCoding(shape, header.steps, header.grading, units)
+    return kept, coding.code(next_coder, None if symbols is None else symbols.births)
 
 
 def code_places(coder: SymbolCoder, places: Int64 | None, expected: Int64) -> Int64:

@@ -22,18 +22,25 @@ Bool = npt.NDArray[np.bool_]
 Planes = dict[Attribute, Int64]
 
 
+#: errors that a coarser step of an I-frame left, in such steps, are not worth mending
+SLACK = 0.6
+
+
 @dataclass(frozen=True)
 class ZeroBin:
     """Residuals below `threshold` steps are zero; 0.5 is no dead zone."""
 
     threshold: float
 
-    def quantise(self, residual: Int64, step: int) -> Int64:
-        """Symbols of grid residuals: to nearest outside the zero bin, halves towards zero."""
-        magnitude = np.abs(residual)
-        symbols = (2 * magnitude + step - 1) // (2 * step)
+    def quantise(self, residual: Int64, step: Int64 | int) -> Int64:
+        """Symbols of grid residuals: to nearest outside the zero bin, halves towards zero.
+
+        `step`: one, or one a residual.
+        """
+        magnitude, steps = np.abs(residual), np.asarray(step, np.int64)
+        symbols = (2 * magnitude + steps - 1) // (2 * steps)
         if self.threshold > 0.5:
-            symbols[magnitude < self.threshold * step] = 0
+            symbols[magnitude < steps * self.threshold] = 0
         signed: Int64 = np.sign(residual) * symbols
         return signed
 
@@ -104,13 +111,15 @@ def relative_rotation(target: Int64, reference: Int64, step: int) -> npt.NDArray
 class ResidualQuantiser:
     """How a P-frame's residuals become symbols.
 
-    `multipliers`: by what 256ths the step of each Gaussian is coarser, (N, 1), where they are not one.
+    `multipliers`: by what 256ths the step of each Gaussian is coarser, (N, 1), where they are not one;
+    `slack`: steps (N, 1), or (N, columns), of which errors of up to SLACK are left as they are.
     """
 
     quantisation: Quantisation
     zero_bin: ZeroBin
     block_log2: int
     multipliers: Mapping[Attribute, Int64] = field(default_factory=dict)
+    slack: Mapping[Attribute, Int64] = field(default_factory=dict)
 
     def symbols(self, attribute: Attribute, rows: Int64, target: Int64, reference: Int64) -> Int64:
         """Symbols (N, C) of the Gaussians `rows`, 0 for the rest."""
@@ -119,7 +128,7 @@ class ResidualQuantiser:
         multipliers = self.multipliers.get(attribute)
         columns = 3 if attribute == Attribute.ROTATION else target.shape[1]
         symbols = np.zeros((len(target), columns), np.int64)
-        if attribute != Attribute.ROTATION and multipliers is None:
+        if attribute != Attribute.ROTATION and multipliers is None and attribute not in self.slack:
             symbols[rows] = zero_bin.quantise(target[rows] - reference[rows], step)
             return symbols
         if attribute == Attribute.ROTATION:
@@ -128,7 +137,14 @@ class ResidualQuantiser:
             residual = (target[rows] - reference[rows]) / step
         if multipliers is not None:
             residual = residual * (256.0 / multipliers[rows])
-        symbols[rows] = zero_bin.quantise_real(residual)
+        found = zero_bin.quantise_real(residual)
+        slack = self.slack.get(attribute)
+        if slack is not None:
+            real = slack[rows] / step
+            if multipliers is not None:
+                real = real * (256.0 / multipliers[rows])
+            found[np.abs(residual) < SLACK * real] = 0
+        symbols[rows] = found
         return symbols
 
 

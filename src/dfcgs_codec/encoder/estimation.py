@@ -143,7 +143,7 @@ def fit_tables(residuals: Int64, contexts: UInt8, num_contexts: int) -> Int64:
     return tables
 
 
-def fit_weights(features: Sequence[AnyReal], goal: Int64) -> Int64:
+def fit_weights(features: Sequence[AnyReal], goal: AnyReal) -> Int64:
     """Q8 weights (len(features),) of the least-squares prediction; those that do not pay are 0."""
     weights = np.zeros(len(features), np.int64)
     stride = max(1, len(goal) // _MAX_FIT_ROWS)

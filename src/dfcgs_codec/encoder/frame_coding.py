@@ -10,20 +10,23 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.container import write_chunk
 from dfcgs_codec.bitstream.frame_headers import (
+    Grading,
     InterHeader,
     IntraHeader,
     SortGrid,
     coded_attributes,
 )
 from dfcgs_codec.bitstream.io import ByteWriter
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.activity import InterSymbols
 from dfcgs_codec.codec.dpb import FrameState, Plane, verbatim_columns
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.inter import InterShape, code_inter
-from dfcgs_codec.codec.intra import IntraShape, IntraSymbols, code_intra
+from dfcgs_codec.codec.intra import IntraShape
+from dfcgs_codec.codec.intra_frame import IntraCoding, IntraTarget
 from dfcgs_codec.codec.motion import code_motion
-from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
+from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topology
 from dfcgs_codec.codec.verbatim import VerbatimSymbols, code_verbatim
 from dfcgs_codec.encoder.motion_choice import MotionTrial
@@ -67,22 +70,20 @@ class ResidualCoding:
 
 @dataclass(frozen=True)
 class TopologyChange:
-    """Who goes and comes in a frame, of `num_before` Gaussians, and how births are coded.
+    """Who goes and comes in a frame, of `num_before` Gaussians; `births`: how births are coded, if any come.
 
     `inputs`: index in the input of survivors, then births, where the output is to come in that order.
     """
 
-    symbols: TopologySymbols
+    kept: Int64
     num_before: int
-    sort_grid: SortGrid | None
-    steps: dict[Attribute, int]
+    births: IntraTask | None
     inputs: Int64 | None = None
 
     @property
     def num_births(self) -> int:
         """How many come."""
-        births = self.symbols.births
-        return 0 if births is None else len(births.planes[Attribute.POSITION])
+        return 0 if self.births is None else self.births.count
 
 
 def _intra_chunk(frame_index: int, header: IntraHeader, streams: list[bytes]) -> bytes:
@@ -93,24 +94,50 @@ def _intra_chunk(frame_index: int, header: IntraHeader, streams: list[bytes]) ->
     return write_chunk(ChunkType.INTRA_FRAME, frame_index, writer.getvalue())
 
 
-def code_intra_frame(
-    frame_index: int,
-    symbols: IntraSymbols,
-    grid: SortGrid,
-    steps: dict[Attribute, int],
-    setup: GofSetup,
-) -> CodedFrame:
+@dataclass(frozen=True)
+class IntraTask:
+    """An I-frame, or births, to be coded: what is wanted, the sort grid and steps, the grading, if any."""
+
+    target: IntraTarget
+    grid: SortGrid
+    steps: dict[Attribute, int]
+    grading: Grading | None = None
+
+    @property
+    def count(self) -> int:
+        """N."""
+        return len(self.target.planes[Attribute.POSITION])
+
+    @property
+    def used(self) -> dict[Attribute, int]:
+        """Steps of the attributes that there are."""
+        return {attribute: self.steps[attribute] for attribute in sorted(self.target.planes)}
+
+    def coding(self, units: UnitExponents) -> IntraCoding:
+        """How it is coded."""
+        permuted = self.target.permutation is not None
+        shape = IntraShape(self.count, list(self.used), permuted, self.grid)
+        return IntraCoding(shape, self.used, self.grading, units)
+
+
+def code_intra_frame(frame_index: int, task: IntraTask, setup: GofSetup) -> CodedFrame:
     """A `coded` I-frame."""
-    attributes = sorted(symbols.planes)
-    count = len(symbols.planes[Attribute.POSITION])
-    permuted = symbols.permutation is not None
-    streams = Streams()
-    code_intra(streams.next, symbols, IntraShape(count, attributes, permuted, grid))
-    used = {attribute: steps[attribute] for attribute in attributes}
-    state = reconstruct_intra(symbols, used)
+    streams, used = Streams(), task.used
+    coding = task.coding(setup.units)
+    state = coding.code(streams.next, task.target)
     coded = streams.finish()
-    lengths = tuple(map(len, coded))
-    header = IntraHeader(state.hash(), IntraKind.CODED, count, permuted, setup.control, grid, used, lengths)
+    lengths, permuted = tuple(map(len, coded)), coding.shape.has_permutation
+    header = IntraHeader(
+        state.hash(),
+        IntraKind.CODED,
+        task.count,
+        permuted,
+        setup.control,
+        task.grid,
+        used,
+        lengths,
+        task.grading,
+    )
     chunk = _intra_chunk(frame_index, header, coded)
     return CodedFrame(chunk, "I", GofState.of_intra(state, setup, used))
 
@@ -170,18 +197,20 @@ def _topology(
     frame_index: int, change: TopologyChange, state: GofState, block_log2: int
 ) -> tuple[bytes, GofState, Int64 | None]:
     """The chunk, and `state`, the survivors' after the frame, with births and all in their places."""
-    births, streams, source, places = change.symbols.births, Streams(), None, None
-    num_removals = change.num_before - len(change.symbols.kept)
-    if births is not None:
-        born = reconstruct_intra(births, change.steps)
+    births, streams, source, places = change.births, Streams(), None, None
+    num_removals = change.num_before - len(change.kept)
+    grid = None if births is None else births.grid
+    used, grading = ({}, None) if births is None else (births.used, births.grading)
+    header = TopologyHeader(num_removals, False, change.num_births, grid, used, grading)
+    symbols = TopologySymbols(change.kept, None if births is None else births.target)
+    _, born = code_topology(streams.next, symbols, header, (change.num_before, state.visibility.units))
+    if born is not None:
         source = state.places_of_births(born)
         state = state.with_births(born, source, block_log2)
     if change.inputs is not None:
         places = change.inputs if source is None else change.inputs[source]
-    has_places = places is not None and not np.array_equal(places, state.expected_places())
-    header = TopologyHeader(num_removals, has_places, change.num_births, change.sort_grid, change.steps)
-    code_topology(streams.next, change.symbols, header, change.num_before)
-    if has_places:
+    if places is not None and not np.array_equal(places, state.expected_places()):
+        header = replace(header, has_permutation=True)
         state = state.in_places(code_places(streams.next(), places, state.expected_places()))
     writer = ByteWriter()
     header.write(writer)

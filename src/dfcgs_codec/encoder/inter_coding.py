@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import Attribute, Compensation, OutputOrder
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute, Compensation, OutputOrder
+from dfcgs_codec.bitstream.frame_headers import Grading
 from dfcgs_codec.codec.activity import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.gof_state import GofState
-from dfcgs_codec.codec.topology import TopologySymbols
 from dfcgs_codec.codec.visibility import Visibility
 from dfcgs_codec.encoder.analysis import (
     Planes,
@@ -21,7 +22,14 @@ from dfcgs_codec.encoder.analysis import (
     plan_grid,
 )
 from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.frame_coding import CodedFrame, ResidualCoding, TopologyChange, code_inter_frame
+from dfcgs_codec.encoder.frame_coding import (
+    CodedFrame,
+    IntraTask,
+    ResidualCoding,
+    TopologyChange,
+    code_inter_frame,
+)
+from dfcgs_codec.encoder.grading import steps_in_intra_frame
 from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
 from dfcgs_codec.encoder.options import MotionMode
@@ -35,7 +43,7 @@ from dfcgs_codec.transform.rotation import round_divide
 _SURE_SHARE = 0.15
 #: share of the Gaussians whose steps are coarser than given, because they show less than the rest; with 0.9
 #: whole files are 1 % smaller at equal PSNR, but P-frames more than 1 dB below I-frames of the same QP
-_REFERENCE_RANK = 0.7
+_REFERENCE_RANK = 0.8
 
 
 @dataclass(frozen=True)
@@ -68,7 +76,13 @@ class InterCoder:
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
         self._choice = PriorChoice(plan.options.prior)
+        self._grading: Grading | None = None
+        self._known_slack: tuple[Visibility, dict[Attribute, npt.NDArray[np.int64]]] | None = None
         self._known_levels: tuple[Visibility, dict[Attribute, int]] | None = None
+
+    def begin(self, grading: Grading | None) -> None:
+        """A GoF begins; `grading` of its I-frame, if it is graded."""
+        self._grading, self._known_slack = grading, None
 
     def code(self, task: InterTask) -> tuple[CodedFrame, MotionHint | None]:
         """With motion or without, whichever is smaller, and what motion was best."""
@@ -86,7 +100,7 @@ class InterCoder:
             in_place = np.array_equal(succession.members.rows, state.expected_places())
             if in_place or options.order != OutputOrder.INPUT:
                 return None
-        symbols, grid, used, target = None, None, {}, {}
+        task, target = None, {}
         names = None
         if len(rows):
             born = ordered(planes, rows)
@@ -97,13 +111,12 @@ class InterCoder:
             if succession.members.names is not None:
                 names = choose_axis_names(born)
                 born = names.rename(born)
-            target, used = born, {attribute: steps[attribute] for attribute in born}
-            symbols = intra_symbols(born, steps, None)
+            target = born
+            task = IntraTask(intra_symbols(born, steps, None), grid, steps)
         inputs = None
         if options.order == OutputOrder.INPUT:
             inputs = np.concatenate([succession.members.rows, rows])
-        topology = TopologySymbols(succession.kept, symbols)
-        change = TopologyChange(topology, succession.num_before, grid, used, inputs)
+        change = TopologyChange(succession.kept, succession.num_before, task, inputs)
         return Births(change, Members(rows, names), target)
 
     def _coded(self, task: InterTask, trial: MotionTrial | None) -> CodedFrame:
@@ -111,7 +124,9 @@ class InterCoder:
         reference = task.state.frame
         levels = self._levels(task.state.visibility)
         multipliers = task.state.visibility.all_multipliers(levels)
-        quantiser = ResidualQuantiser(quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2, multipliers)
+        quantiser = ResidualQuantiser(
+            quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2, multipliers, self._slack(task.state)
+        )
         states = (reference, reference if trial is None else trial.carried.state)
         symbols = InterSymbols()
         if options.motion != MotionMode.ONLY:
@@ -129,9 +144,21 @@ class InterCoder:
             if self._plan.options.visibility and len(bounded) < len(steps):
                 for attribute in steps:
                     weights = visibility.weights(attribute)
-                    rank = 0.0 if attribute in bounded else _REFERENCE_RANK
-                    levels[attribute] = int(np.quantile(weights, rank, method="lower"))
+                    level = int(np.quantile(weights, _REFERENCE_RANK, method="lower"))
+                    levels[attribute] = -STATE_LIMIT if attribute in bounded else level
             known = self._known_levels = (visibility, levels)
+        return known[1]
+
+    def _slack(self, state: GofState) -> dict[Attribute, npt.NDArray[np.int64]]:
+        """Steps that the Gaussians had in a graded I-frame: errors that these left are not mended now."""
+        if self._grading is None:
+            return {}
+        known = self._known_slack
+        if known is None or known[0] is not state.visibility:
+            steps = self._plan.quantisation.graded_steps
+            found = steps_in_intra_frame(state.frame, self._plan.quantisation.units, self._grading, steps)
+            free = found.keys() - self._plan.quantisation.bounded
+            known = self._known_slack = (state.visibility, {a: found[a] for a in free})
         return known[1]
 
     def _motion(self, task: InterTask) -> MotionTrial | None:

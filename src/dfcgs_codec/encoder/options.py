@@ -71,7 +71,8 @@ class EncoderOptions:
     the order and signs of each Gaussian's axes as they were; `compensation` SPREAD is the paper's rule, with
     control points moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one
     control point for `control_spacing` Gaussians (M of the paper);
-    `visibility`: steps of residuals are coarser for what shows less; `prior`: which streams of P-frames take
+    `visibility`: steps are coarser for what shows less; `cover`: so they are for what lies behind others;
+    `intra_zero_bin` is that of I-frames; `prior`: which streams of P-frames take
     the frozen prior; `model_id` names another model than the profile's own; `jobs` processes.
 
     With `profile` PAPER P-frames have motion by the model's network and nothing else: `latent_step` is the
@@ -97,6 +98,8 @@ class EncoderOptions:
     latent_step: float = 1.0
     refinement: RefinementMode = RefinementMode.AUTO
     visibility: bool = True
+    cover: bool = True
+    intra_zero_bin: float = 0.6
     jobs: int = 1
 
     def __post_init__(self) -> None:
@@ -116,10 +119,10 @@ class EncoderOptions:
             f"--latent-step {self.latent_step}: a power of two, 1/16 to 64, was expected": (
                 MIN_LATENT_STEP_LOG2 <= _log2(self.latent_step) <= MAX_LATENT_STEP_LOG2
             ),
-            "--motion, --compensation, --steps and --prior belong to --profile main; paper has its own": (
+            "--motion, --compensation, --steps, --cover and --prior belong to --profile main": (
                 self.profile == Profile.MAIN
-                or (self.motion, self.compensation, self.visibility, self.prior)
-                == (MotionMode.AUTO, Compensation.GATHER, True, PriorMode.AUTO)
+                or (self.motion, self.compensation, self.visibility, self.cover, self.prior)
+                == (MotionMode.AUTO, Compensation.GATHER, True, True, PriorMode.AUTO)
             ),
             "--latent-step and --refinement belong to --profile paper": (
                 self.profile == Profile.PAPER
@@ -130,6 +133,7 @@ class EncoderOptions:
             ),
             f"--jobs {self.jobs}: 1 or more was expected": self.jobs >= 1,
             f"zero_bin {self.zero_bin}: 0.5 to 1 was expected": 0.5 <= self.zero_bin <= 1.0,
+            f"intra_zero_bin {self.intra_zero_bin}: 0.5 to 1 was expected": 0.5 <= self.intra_zero_bin <= 1.0,
         }
         for message, fine in checks.items():
             if not fine or math.isnan(self.qp):
@@ -157,9 +161,15 @@ class EncoderOptions:
             f"dfcgs-codec {__version__} qp={self.qp:g} gof_size={self.gof_size or 'auto'}"
             f" prior={self.prior.value}{'/' if self.model else ''}{self.model}"
             f" motion={motion} control={self.control_rule.name.lower()}/{self.control_spacing}"
-            f" steps={'visibility' if self.visibility else 'uniform'}"
+            f" steps={self._steps}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
         )
+
+    @property
+    def _steps(self) -> str:
+        if not self.visibility:
+            return "uniform"
+        return "visibility" if self.cover else "visibility/nocover"
 
     def _describe_paper(self) -> str:
         return (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfcgs_codec.bitstream.constants import Attribute, Profile
+from dfcgs_codec.bitstream.constants import Attribute, IntraKind, Profile
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.gof_state import GofSetup
@@ -30,6 +30,14 @@ class SequencePlan:
     def steps(self) -> dict[Attribute, int]:
         """Quantiser steps, in grid units."""
         return self.quantisation.steps
+
+    @property
+    def is_graded(self) -> bool:
+        """Whether steps of I-frames follow visibility; a bounded turn needs its axes as they come."""
+        options = self.options
+        possible = options.profile == Profile.MAIN and options.intra == IntraKind.CODED
+        wanted = options.visibility and not options.keep_axes
+        return possible and wanted and Attribute.ROTATION not in self.quantisation.bounded
 
     @property
     def gof_setup(self) -> GofSetup:

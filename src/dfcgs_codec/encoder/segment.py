@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder, Profile
+from dfcgs_codec.bitstream.frame_headers import SortGrid
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import (
     Planes,
@@ -21,12 +22,15 @@ from dfcgs_codec.encoder.analysis import (
     plan_grid,
 )
 from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
+from dfcgs_codec.encoder.cover import cover
 from dfcgs_codec.encoder.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame_coding import (
     CodedFrame,
+    IntraTask,
     code_intra_frame,
     code_verbatim_frame,
 )
+from dfcgs_codec.encoder.grading import GradedPlan, settled_names
 from dfcgs_codec.encoder.identity import Members, Succession, found_members, same_members
 from dfcgs_codec.encoder.inter_coding import InterCoder, InterTask
 from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
@@ -65,11 +69,38 @@ class CodedSegment:
 
 @dataclass(frozen=True)
 class _Anchor:
-    """Where a tracked run got its order and axis names from."""
+    """Where a tracked run got its order, axis names and grading from."""
 
     cloud: GaussianCloud
     rank: Int64
+    placing: _Placing
+
+
+@dataclass(frozen=True)
+class _Placing:
+    """Axis names and grading of a frame's Gaussians, where they have any."""
+
     names: AxisNames | None
+    graded: GradedPlan | None
+
+    @staticmethod
+    def of(cloud: GaussianCloud, planes: Planes, plan: SequencePlan) -> _Placing:
+        """Those of an untracked frame, or of the first of a run."""
+        if plan.options.keep_axes:
+            return _Placing(None, None)
+        names = choose_axis_names(planes)
+        if not plan.is_graded:
+            return _Placing(names, None)
+        covered = cover(cloud) if plan.options.cover else np.zeros(cloud.num_gaussians)
+        return _Placing(names, GradedPlan.of(names.rename(planes), covered, plan.quantisation))
+
+    def order(self, positions: Int64, plan: SequencePlan) -> tuple[Int64, SortGrid]:
+        """Canonical order of `positions` (N, 3) in grid units, and the sort grid."""
+        if self.graded is not None:
+            return self.graded.order(positions, plan.quantisation)
+        indices = round_divide(positions, plan.steps[Attribute.POSITION])
+        grid = plan_grid(indices)
+        return order_of(indices, grid), grid
 
 
 @dataclass(frozen=True)
@@ -100,6 +131,10 @@ class _Loop:
     is_held: bool = False
 
 
+def _named(members: Members, planes: Planes) -> tuple[Members, Planes]:
+    return members, members.target(planes)
+
+
 class SegmentEncoder:
     """Codes segments of one sequence; keeps the last anchor."""
 
@@ -113,6 +148,7 @@ class SegmentEncoder:
             self._latent_coder = LatentCoder(plan, latent_model(plan.header.model_id))
         self._meter = ErrorMeter(plan.header.unit_exponents)
         self._anchors: dict[int, _Anchor] = {}
+        self._names: dict[int, AxisNames] = {}
 
     def encode(self, start: int, stop: int, on_frame: Callable[[], None] | None = None) -> CodedSegment:
         """Frames start..stop - 1; calls `on_frame` after each."""
@@ -195,26 +231,42 @@ class SegmentEncoder:
         return _Loop(coded, members, target, cloud, planes, before.intra_bytes, moved, hint, held)
 
     def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> _Loop:
-        options, steps = self._plan.options, self._plan.steps
-        anchor = self._anchor(index)
+        anchor, first = self._anchor(index), self._plan.anchors[index]
         tracked = is_tracked(anchor.cloud, cloud)
-        indices = round_divide(planes[Attribute.POSITION], steps[Attribute.POSITION])
-        grid = plan_grid(indices)
-        order = order_of(indices, grid)
+        placing = anchor.placing if tracked else _Placing.of(cloud, planes, self._plan)
+        order, grid = placing.order(planes[Attribute.POSITION], self._plan)
         permutation = self._permutation(order, anchor if tracked else None)
-        if options.intra == IntraKind.PLY:
+        if self._plan.options.intra == IntraKind.PLY:
             state = state_of(cloud.take(order), self._plan.header.unit_exponents)
             coded = code_verbatim_frame(index, state, permutation, self._plan.gof_setup)
             return _Loop(coded, Members(order, None), wide_planes(state), cloud, planes, len(coded.data))
-        names = None
-        if not options.keep_axes:
-            names = anchor.names if tracked else choose_axis_names(planes)
-        members = Members(order, None if names is None else names.take(order))
-        target = members.target(planes)
-        coded = code_intra_frame(
-            index, intra_symbols(target, steps, permutation), grid, steps, self._plan.gof_setup
-        )
-        return _Loop(coded, members, target, cloud, planes, len(coded.data))
+        names = None if placing.names is None else placing.names.take(order)
+        if placing.graded is None:
+            target = Members(order, names).target(planes)
+            task = IntraTask(intra_symbols(target, self._plan.steps, permutation), grid, self._plan.steps)
+            coded = code_intra_frame(index, task, self._plan.gof_setup)
+            return _Loop(coded, Members(order, names), target, cloud, planes, len(coded.data))
+        assert names is not None
+        if tracked and index != first:
+            names = self._settled(first, anchor).take(order)
+        target = Members(order, names).target(planes)
+        quantisation = self._plan.quantisation
+        wanted = placing.graded.target(target, order, quantisation, self._plan.options.intra_zero_bin)
+        wanted = replace(wanted, permutation=permutation, keeps_names=tracked and index != first)
+        task = IntraTask(wanted, grid, quantisation.graded_steps, placing.graded.grading)
+        coded = code_intra_frame(index, task, self._plan.gof_setup)
+        self._inter_coder.begin(placing.graded.grading)
+        decoded = coded.state.frame.planes[Attribute.ROTATION].wide()
+        names = settled_names(names, target[Attribute.ROTATION], decoded)
+        if index == first:
+            self._names = {first: names.take(np.argsort(order))}
+        return _Loop(coded, *_named(Members(order, names), planes), cloud, planes, len(coded.data))
+
+    def _settled(self, first: int, anchor: _Anchor) -> AxisNames:
+        """Axis names, in input order, of the first frame of a run: those that its I-frame gives them."""
+        if first not in self._names:
+            self._intra(first, anchor.cloud, Targets(self._plan.header.unit_exponents).planes(anchor.cloud))
+        return self._names[first]
 
     def _permutation(self, order: Int64, anchor: _Anchor | None) -> Int64 | None:
         """Place in the output of each Gaussian in GoF order; None where that is the GoF order."""
@@ -232,11 +284,10 @@ class SegmentEncoder:
         if first not in self._anchors:
             cloud, _ = self._source.read(first)
             planes = Targets(self._plan.header.unit_exponents).planes(cloud)
-            step = self._plan.steps[Attribute.POSITION]
-            indices = round_divide(planes[Attribute.POSITION], step)
-            rank = np.empty(len(indices), np.int64)
-            rank[order_of(indices, plan_grid(indices))] = np.arange(len(indices))
-            self._anchors = {first: _Anchor(cloud, rank, choose_axis_names(planes))}
+            placing = _Placing.of(cloud, planes, self._plan)
+            rank = np.empty(cloud.num_gaussians, np.int64)
+            rank[placing.order(planes[Attribute.POSITION], self._plan)[0]] = np.arange(len(rank))
+            self._anchors = {first: _Anchor(cloud, rank, placing)}
         return self._anchors[first]
 
     def _record(self, segment: CodedSegment, index: int, loop: _Loop) -> None:

@@ -16,6 +16,7 @@ from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     LEVELS,
     MAX_BLOCK_LOG2,
+    MAX_COARSE_LOG2,
     MAX_CONTROL_SHIFT,
     MAX_DECAY_EXPONENT,
     MAX_LATENT_STEP_LOG2,
@@ -39,10 +40,12 @@ from dfcgs_codec.bitstream.constants import (
 )
 from dfcgs_codec.bitstream.frame_headers import (
     ControlHeader,
+    Grading,
     InterHeader,
     IntraHeader,
     SortGrid,
     coded_attributes,
+    num_intra_streams,
 )
 from dfcgs_codec.bitstream.index import End, Index, IndexEntry
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
@@ -109,6 +112,11 @@ def sequence_headers(draw: st.DrawFn) -> SequenceHeader:
 
 
 ORIGINS = st.integers(-STATE_LIMIT, STATE_LIMIT)
+GRADINGS = st.builds(
+    Grading,
+    st.integers(0, MAX_COARSE_LOG2),
+    st.fixed_dictionaries(dict.fromkeys(coded_attributes(SMALL.sh_degree), st.integers(-900, STATE_LIMIT))),
+)
 SORT_GRIDS = st.builds(
     SortGrid,
     st.integers(0, MAX_SORT_SHIFT),
@@ -156,7 +164,8 @@ def intra_headers(draw: st.DrawFn) -> IntraHeader:
     kind = draw(st.sampled_from(IntraKind))
     permuted = draw(st.booleans())
     coded = kind == IntraKind.CODED
-    count = len(attributes) + permuted
+    grading = draw(st.none() | GRADINGS) if coded else None
+    count = num_intra_streams(attributes, grading) + permuted
     return IntraHeader(
         draw(HASHES),
         kind,
@@ -166,6 +175,7 @@ def intra_headers(draw: st.DrawFn) -> IntraHeader:
         draw(SORT_GRIDS) if coded else None,
         {a: draw(STEPS) for a in attributes} if coded else {},
         tuple(draw(st.lists(LENGTHS, min_size=count, max_size=count))),
+        grading,
     )
 
 
@@ -366,6 +376,10 @@ def intra_header(**changes: Any) -> IntraHeader:
     return IntraHeader(**(fields | changes))
 
 
+LEVELS_OF_TWO = dict.fromkeys(coded_attributes(2), 0)
+GRADED = {"lengths": (0,) * 9}
+
+
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
@@ -378,6 +392,12 @@ def intra_header(**changes: Any) -> IntraHeader:
         ({"control": ControlHeader(ControlRule.STRIDE, 0, 6)}, CorruptBitstream, "control_spacing is 0"),
         ({"control": ControlHeader(ControlRule.STRIDE, 9, 32)}, LimitExceeded, "control_shift"),
         ({"control": ControlHeader(2, 9, 6)}, UnsupportedBitstream, "control_rule"),
+        ({"grading": Grading(MAX_COARSE_LOG2 + 1, LEVELS_OF_TWO), **GRADED}, LimitExceeded, "coarse_log2"),
+        (
+            {"grading": Grading(0, LEVELS_OF_TWO | {Attribute.SH_2: STATE_LIMIT + 1}), **GRADED},
+            LimitExceeded,
+            "visibility_level",
+        ),
     ],
 )
 def test_intra_header_refuses(changes: dict[str, Any], error: type[Exception], words: str) -> None:

@@ -1,0 +1,200 @@
+"""One column of a graded I-frame: coded in passes, each Gaussian with its own step (spec section 11.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import STATE_LIMIT
+from dfcgs_codec.codec.component import round_weighted, weighted_sum
+from dfcgs_codec.codec.side_information import WEIGHT_FRACTION_BITS
+from dfcgs_codec.codec.symbols import AnyReal, Int64, SymbolCoder, UInt8
+from dfcgs_codec.entropy.symbols import code_residuals
+from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.transform.lod import Level, LevelsOfDetail, ladder
+
+#: half octaves of activity; the last context belongs to the base level
+NUM_CONTEXTS = 32
+BASE_CONTEXT = NUM_CONTEXTS - 1
+#: activity is in 1/32 of a symbol
+ACTIVITY_BITS = 5
+_MEAN_BITS = 8
+#: rows that weights are fitted to
+_MOST_ROWS = 24_000
+
+#: an encoder's choice of symbols: from what is to be coded less its prediction, and the steps
+Quantise = Callable[[Int64, Int64], Int64]
+#: rows of a pass, the neighbours' mean and deviation (times 256), or None in the base
+Statistics = tuple[Int64, Int64] | None
+
+
+@dataclass(frozen=True)
+class Target:
+    """What an encoder wants a column to be, (N,), and how it quantises."""
+
+    values: Int64
+    quantise: Quantise
+
+
+@dataclass
+class Earlier:
+    """Residuals of the columns coded before, in grid units, and their magnitudes; all (N,)."""
+
+    residuals: list[Int64] = field(default_factory=list)
+    magnitudes: list[Int64] = field(default_factory=list)
+
+    def add(self, residual: Int64) -> None:
+        """Remember a coded column."""
+        self.residuals.append(residual)
+        self.magnitudes.append(np.abs(residual))
+
+
+@dataclass(frozen=True)
+class _Predictor:
+    """Center, Q8 weights of the value and of the activity: neighbours first, then (activity) the step."""
+
+    center: int
+    weights: Int64
+    activity_weights: Int64
+
+    @property
+    def is_spatial(self) -> bool:
+        """Whether neighbours matter; where they do not, one pass codes all Gaussians."""
+        return bool(self.weights[0] or self.activity_weights[0])
+
+    def predict(self, found: Statistics, residuals: list[Int64], count: int) -> Int64:
+        """Predictions (count,) in grid units."""
+        total = np.zeros(count, np.int64) + (weighted_sum(residuals, self.weights[1:]) << _MEAN_BITS)
+        if found is not None:
+            total = total + (found[0] - (self.center << _MEAN_BITS)) * self.weights[0]
+        return self.center + round_weighted(total, WEIGHT_FRACTION_BITS + _MEAN_BITS)
+
+    def contexts(self, found: Statistics, magnitudes: list[Int64], steps: Int64) -> UInt8:
+        """Half octave of the magnitude that a symbol is expected to have."""
+        own = self.activity_weights[1] * steps + weighted_sum(magnitudes, self.activity_weights[2:])
+        total = own << _MEAN_BITS
+        if found is not None:
+            total = total + found[1] * self.activity_weights[0]
+        activity = (np.maximum(total, 0) >> (WEIGHT_FRACTION_BITS + _MEAN_BITS - ACTIVITY_BITS)) // steps
+        return ladder(activity, NUM_CONTEXTS - 1).astype(np.uint8)
+
+
+@dataclass(frozen=True)
+class GradedColumn:
+    """The column's steps (N,), levels of detail, and the columns before it."""
+
+    steps: Int64
+    lod: LevelsOfDetail
+    earlier: Earlier
+
+    def code(self, coder: SymbolCoder, target: Target | None) -> Int64:
+        """The column (N,), as decoded; it is added to `earlier`."""
+        predictor = self._predictor(coder, target)
+        symbols: Int64 | None = None
+        contexts = np.zeros(0, np.uint8)
+        if target is not None:
+            symbols, contexts = self._quantised(predictor, target)
+        found = symbols if symbols is not None else np.zeros(0, np.int64)
+        tables = coder.tables(NUM_CONTEXTS, lambda: (found, contexts))
+
+        def code_rows(rows: slice, _: Int64, contexts: UInt8) -> Int64:
+            return code_residuals(coder, None if symbols is None else symbols[rows], contexts, tables)
+
+        values, residual = self._walk(predictor, code_rows)
+        self.earlier.add(residual)
+        return values
+
+    def _quantised(self, predictor: _Predictor, target: Target) -> tuple[Int64, UInt8]:
+        """Symbols and contexts of the whole column: the walk, with nothing coded."""
+        symbols, known = np.zeros(len(self.steps), np.int64), np.zeros(len(self.steps), np.uint8)
+
+        def quantise_rows(rows: slice, prediction: Int64, contexts: UInt8) -> Int64:
+            known[rows] = contexts
+            symbols[rows] = target.quantise(target.values[rows] - prediction, self.steps[rows])
+            return symbols[rows]
+
+        self._walk(predictor, quantise_rows)
+        return symbols, known
+
+    def _walk(
+        self, predictor: _Predictor, code_rows: Callable[[slice, Int64, UInt8], Int64]
+    ) -> tuple[Int64, Int64]:
+        """Values and residuals, pass by pass; `code_rows` gives the symbols of a pass."""
+        residuals, magnitudes = self.earlier.residuals, self.earlier.magnitudes
+        values = np.zeros(len(self.steps), np.int64)
+        residual = np.zeros(len(self.steps), np.int64)
+
+        def code_pass(rows: slice, level: Level | None) -> None:
+            found = None if level is None else level.statistics(values)
+            steps = self.steps[rows]
+            prediction = predictor.predict(found, [r[rows] for r in residuals], len(steps))
+            if predictor.is_spatial and level is None:
+                contexts = np.full(len(steps), BASE_CONTEXT, np.uint8)
+            else:
+                contexts = predictor.contexts(found, [m[rows] for m in magnitudes], steps)
+            residual[rows] = scaled_symbols(code_rows(rows, prediction, contexts), steps)
+            values[rows] = prediction + residual[rows]
+            if len(steps) and max(values[rows].max(), -values[rows].min()) > STATE_LIMIT:
+                raise CorruptBitstream("a reconstructed value leaves the range of the state")
+
+        code_pass(self.lod.base if predictor.is_spatial else slice(None), None)
+        for level in self.lod.levels if predictor.is_spatial else ():
+            code_pass(level.rows, level)
+        return values, residual
+
+    def _predictor(self, coder: SymbolCoder, target: Target | None) -> _Predictor:
+        known = np.zeros(0, np.int64) if target is None else target.values
+        evidence = _Evidence(known, self)
+        center = coder.center(lambda: known)
+        count = len(self.earlier.residuals)
+        weights = coder.weights(1 + count, lambda: evidence.values(center))
+        activity = coder.weights(2 + count, lambda: evidence.magnitudes(center, weights))
+        return _Predictor(center, weights, activity)
+
+
+class _Evidence:
+    """What a writer looks at to choose weights: all in steps, neighbours as they are in the input."""
+
+    def __init__(self, target: Int64, column: GradedColumn) -> None:
+        self._target, self._column = target, column
+        # a fit looks at no more rows than that anyway
+        self._part = slice(None, None, max(1, len(target) // _MOST_ROWS))
+        self._steps = column.steps[self._part]
+        self._found: tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]] | None = None
+
+    def _neighbours(self, center: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        if self._found is None:
+            mean = np.full(len(self._target), float(center))
+            deviation = np.zeros(len(self._target))
+            for level in self._column.lod.levels:
+                found = level.statistics(self._target)
+                mean[level.rows], deviation[level.rows] = found[0] / 256, found[1] / 256
+            self._found = mean[self._part], deviation[self._part]
+        return self._found
+
+    def values(self, center: int) -> tuple[list[AnyReal], npt.NDArray[np.float64]]:
+        """Features and goal of the value's weights."""
+        steps, part = self._steps, self._part
+        features: list[AnyReal] = [(self._neighbours(center)[0] - center) / steps]
+        features += [residual[part] / steps for residual in self._column.earlier.residuals]
+        return features, (self._target[part] - center) / steps
+
+    def magnitudes(self, center: int, weights: Int64) -> tuple[list[AnyReal], npt.NDArray[np.float64]]:
+        """Features and goal of the activity's weights."""
+        features, goal = self.values(center)
+        for feature, weight in zip(features, weights.tolist(), strict=True):
+            if weight:
+                goal = goal - feature * (weight / 256)
+        own: list[AnyReal] = [self._neighbours(center)[1] / self._steps, np.ones(len(goal))]
+        return own + [np.abs(feature) for feature in features[1:]], np.abs(goal)
+
+
+def scaled_symbols(symbols: Int64, steps: Int64) -> Int64:
+    """Symbols (N,) times steps (N,); refused before they could leave 64 bits."""
+    limit = 2 * STATE_LIMIT // steps
+    if (symbols < -limit).any() or (symbols > limit).any():
+        raise CorruptBitstream("a symbol is too large for its step")
+    return symbols * steps

@@ -1,0 +1,164 @@
+"""The walk of a graded I-frame: steps follow cover and visibility as they become known (spec section 11.5).
+
+Positions come first, as coarse as any of them may be; then cover classes, scales and opacities, whose steps
+depend on what is there by then; then the positions' low bits, rotations and colours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dfcgs_codec.bitstream.constants import STATE_COLUMNS, STATE_LIMIT, Attribute
+from dfcgs_codec.bitstream.frame_headers import Grading
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.codec.component import EarlierPasses, code_component
+from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.codec.graded_component import Earlier, GradedColumn, Quantise, Target
+from dfcgs_codec.codec.graded_rotation import ChooseTurns, GradedRotation
+from dfcgs_codec.codec.intra import IntraShape, code_permutation
+from dfcgs_codec.codec.position_tree import code_positions
+from dfcgs_codec.codec.symbols import Int64, SymbolCoder
+from dfcgs_codec.codec.visibility import (
+    IntraWeights,
+    alpha_weights,
+    axes_of,
+    coarse_octaves,
+    steps_of,
+)
+from dfcgs_codec.entropy.symbols import code_bits
+from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.transform.lod import LevelsOfDetail, build_levels
+
+#: largest cover class
+MAX_COVER = 15
+#: steps of turns count as no larger than this, in stereographic units
+MAX_TURN_STEP = 1 << 16
+
+
+@dataclass(frozen=True)
+class GradedTarget:
+    """What an encoder wants a frame to be: `planes` (N, C) in canonical order, classes, places, its choices.
+
+    `positions` (N, 3): in units of the position step. `turns`: how symbols of turns are chosen;
+    `keeps_names`: whether rotations keep their axes, for they are those of frames before.
+    """
+
+    planes: Mapping[Attribute, Int64]
+    positions: Int64
+    cover: Int64
+    permutation: Int64 | None
+    quantise: Mapping[Attribute, Quantise]
+    turns: Callable[[GradedRotation], ChooseTurns]
+    keeps_names: bool = False
+
+
+@dataclass(frozen=True)
+class GradedShape:
+    """What the headers say that the walk needs."""
+
+    intra: IntraShape
+    steps: Mapping[Attribute, int]
+    grading: Grading
+    units: UnitExponents
+
+
+@dataclass
+class _Walk:
+    """A walk under way: where streams come from, what is wanted, what is there."""
+
+    next_coder: Callable[[], SymbolCoder]
+    target: GradedTarget | None
+    shape: GradedShape
+    lod: LevelsOfDetail
+    planes: dict[Attribute, Int64] = field(default_factory=dict)
+
+    def columns(self, attribute: Attribute, weights: Int64, earlier: Earlier) -> None:
+        """Code the columns of an attribute, each with the help of `earlier` ones and those before it."""
+        coder, target = self.next_coder(), self.target
+        steps = steps_of(self.shape.steps[attribute], self.shape.grading.levels[attribute], weights)
+        found = []
+        for column in range(STATE_COLUMNS[attribute]):
+            wanted = None
+            if target is not None:
+                wanted = Target(target.planes[attribute][:, column], target.quantise[attribute])
+            found.append(GradedColumn(steps, self.lod, earlier).code(coder, wanted))
+        self.planes[attribute] = np.stack(found, axis=1)
+
+    def cover(self) -> Int64:
+        """Code the cover classes."""
+        given = None if self.target is None else self.target.cover
+        count = self.shape.intra.num_gaussians
+        cover = code_component(self.next_coder(), given, self.lod, EarlierPasses(count))
+        if cover.min() < 0 or cover.max() > MAX_COVER:
+            raise CorruptBitstream("a cover class is out of range")
+        return cover
+
+    def positions(self, coarse: Int64, weights: Int64) -> None:
+        """Code the low bits of positions; `coarse` (N, 3) is what is known of them."""
+        shape, coder = self.shape, self.next_coder()
+        most, step = shape.grading.coarse_log2, shape.steps[Attribute.POSITION]
+        octaves = coarse_octaves(shape.grading.levels[Attribute.POSITION], weights, most)
+        indices = coarse.copy()
+        for bits in range(1, most + 1):
+            rows = np.flatnonzero(octaves == most - bits)
+            low = None
+            if self.target is not None:
+                shifted = self.target.positions[rows] >> (most - bits)
+                low = (shifted & ((1 << bits) - 1)).ravel()
+            found = code_bits(coder, low, bits, 3 * len(rows)).reshape(-1, 3)
+            indices[rows] = (coarse[rows] << bits) | found
+        if np.abs(indices).max() > 2 * STATE_LIMIT // step:
+            raise CorruptBitstream("a symbol is too large for its step")
+        # the middle of the cells of the finest steps that a coarse one spans
+        width = np.left_shift(np.int64(1), octaves)[:, None]
+        values = indices * width * step + ((width - 1) * step >> 1)
+        if np.abs(values).max() > STATE_LIMIT:
+            raise CorruptBitstream("a reconstructed value leaves the range of the state")
+        self.planes[Attribute.POSITION] = values
+
+    def rotations(self, weights: IntraWeights) -> None:
+        """Code the rotations."""
+        shape, target = self.shape, self.target
+        step, level = shape.steps[Attribute.ROTATION], shape.grading.levels[Attribute.ROTATION]
+        tilt, spin = weights.turns()
+        tilts = np.minimum(steps_of(step, level, tilt), MAX_TURN_STEP)
+        spins = np.minimum(steps_of(step, level, spin), MAX_TURN_STEP)
+        rotation = GradedRotation(tilts, spins, weights.is_needle, self.lod)
+        choose = None if target is None else target.turns(rotation)
+        keeps_names = target is not None and target.keeps_names
+        found = rotation.code(self.next_coder(), choose, keeps_names=keeps_names)
+        self.planes[Attribute.ROTATION] = found
+
+
+def code_graded(
+    next_coder: Callable[[], SymbolCoder], target: GradedTarget | None, shape: GradedShape
+) -> FrameState:
+    """All streams of a graded I-frame; `next_coder` opens each one in turn; returns the state."""
+    intra, grading = shape.intra, shape.grading
+    count = intra.num_gaussians
+    known = None if target is None else target.positions >> grading.coarse_log2
+    coarse = code_positions(next_coder(), known, intra.sort_grid, count)
+    if np.abs(coarse).max() > 2 * STATE_LIMIT // shape.steps[Attribute.POSITION]:
+        raise CorruptBitstream("a symbol is too large for its step")
+    walk = _Walk(next_coder, target, shape, build_levels(coarse))
+    order = None
+    if intra.has_permutation:
+        places = None if target is None else target.permutation
+        order = Plane(code_permutation(next_coder(), places, walk.lod, count)[:, None])
+    cover = walk.cover()
+    walk.columns(Attribute.SCALE, IntraWeights.of_cover(cover), Earlier())
+    axes = axes_of(walk.planes[Attribute.SCALE], shape.units.scale)
+    walk.columns(Attribute.OPACITY, (IntraWeights.area(axes) >> 1) + IntraWeights.of_cover(cover), Earlier())
+    alpha = alpha_weights(walk.planes[Attribute.OPACITY][:, 0], shape.units.opacity)
+    weights = IntraWeights(cover, axes, alpha)
+    walk.positions(coarse, weights.of(Attribute.POSITION))
+    walk.rotations(weights)
+    colours = Earlier()
+    for attribute in intra.attributes:
+        if attribute >= Attribute.SH_DC:
+            walk.columns(attribute, weights.of(attribute), colours)
+    planes = {attribute: Plane(walk.planes[attribute]) for attribute in intra.attributes}
+    return FrameState(planes, order, cover=cover)

@@ -1,0 +1,111 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dfcgs_codec.bitstream.constants import MAX_COARSE_LOG2, Attribute
+from dfcgs_codec.bitstream.frame_headers import Grading, coded_attributes
+from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.codec.graded_intra import MAX_COVER, GradedShape, GradedTarget, code_graded
+from dfcgs_codec.codec.intra import IntraShape
+from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.codec.verbatim import state_of
+from dfcgs_codec.encoder.canonical import choose_axis_names
+from dfcgs_codec.encoder.grading import GradedPlan, steps_in_intra_frame
+from dfcgs_codec.encoder.rate_control import plan_quantisation
+from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.gaussians import GaussianCloud
+from tests.helpers import clustered_cloud, make_cloud, real_cloud
+
+
+def task(
+    cloud: GaussianCloud, coarse_log2: int | None = None, cover: np.ndarray | None = None
+) -> tuple[GradedTarget, GradedShape]:
+    """A cloud at medium quality, classes drawn at random."""
+    quantisation = plan_quantisation(28, (), cloud, 100.0)
+    planes = {a: p.wide() for a, p in state_of(cloud, quantisation.units).planes.items()}
+    planes = choose_axis_names(planes).rename(planes)
+    count = cloud.num_gaussians
+    if cover is None:
+        cover = np.random.default_rng(7).uniform(0, 5, count)
+    plan = GradedPlan.of(planes, cover, quantisation)
+    if coarse_log2 is not None:
+        plan = replace(plan, grading=Grading(coarse_log2, plan.grading.levels))
+    order, grid = plan.order(planes[Attribute.POSITION], quantisation)
+    target = plan.target({a: v[order] for a, v in planes.items()}, order, quantisation, 0.5)
+    shape = IntraShape(count, coded_attributes(cloud.sh_degree), False, grid)
+    return target, GradedShape(shape, quantisation.graded_steps, plan.grading, quantisation.units)
+
+
+def write(target: GradedTarget, shape: GradedShape) -> tuple[list[bytes], FrameState]:
+    writers: list[SymbolWriter] = []
+
+    def open_writer() -> SymbolWriter:
+        writers.append(SymbolWriter())
+        return writers[-1]
+
+    state = code_graded(open_writer, target, shape)
+    return [writer.getvalue() for writer in writers], state
+
+
+def read(streams: list[bytes], shape: GradedShape) -> FrameState:
+    readers = [SymbolReader(stream) for stream in streams]
+    rest = iter(readers)
+    state = code_graded(lambda: next(rest), None, shape)
+    for reader in readers:
+        reader.finish()
+    return state
+
+
+@pytest.mark.parametrize("coarse_log2", [0, 1, 3, MAX_COARSE_LOG2])
+@pytest.mark.parametrize(
+    "cloud",
+    [make_cloud(1), make_cloud(2, 1), make_cloud(63, 3), real_cloud(700), clustered_cloud(900, 2)],
+    ids=["one", "two", "no levels", "trained", "clusters"],
+)
+def test_a_reader_gets_the_state(cloud: GaussianCloud, coarse_log2: int) -> None:
+    target, shape = task(cloud, coarse_log2)
+    streams, written = write(target, shape)
+    assert len(streams) == len(shape.intra.attributes) + 2
+    found = read(streams, shape)
+    assert found.hash() == written.hash()
+    assert np.array_equal(found.covers(), target.cover)
+
+
+def test_every_value_is_within_half_its_step() -> None:
+    target, shape = task(real_cloud(1500))
+    _, state = write(target, shape)
+    steps = steps_in_intra_frame(state, shape.units, shape.grading, shape.steps)
+    for attribute, plane in state.planes.items():
+        if attribute != Attribute.ROTATION:
+            error = np.abs(plane.wide() - target.planes[attribute])
+            assert (2 * error <= steps[attribute] + 1).all(), attribute
+    # and not all have the same
+    for attribute in (Attribute.POSITION, Attribute.SCALE, Attribute.OPACITY, Attribute.SH_DC):
+        assert len(np.unique(steps[attribute])) > 1
+
+
+def test_covered_gaussians_are_coarser() -> None:
+    cloud = real_cloud(1500)
+    cover = np.where(np.arange(1500) % 2, 0.0, 6.0)
+    target, shape = task(cloud, cover=cover)
+    _, state = write(target, shape)
+    error = np.abs(state.planes[Attribute.SH_DC].wide() - target.planes[Attribute.SH_DC]).mean(axis=1)
+    assert error[target.cover > 4].mean() > 2 * error[target.cover < 2].mean()
+
+
+def test_cover_costs_next_to_nothing_where_there_is_none() -> None:
+    target, shape = task(real_cloud(1500), cover=np.zeros(1500))
+    assert len(write(target, shape)[0][1]) <= 12
+
+
+@pytest.mark.parametrize("value", [-1, MAX_COVER + 1])
+def test_unknown_cover_classes_are_refused(value: int) -> None:
+    target, shape = task(make_cloud(200))
+    cover = target.cover.copy()
+    cover[7] = value
+    with pytest.raises(CorruptBitstream, match="cover class"):
+        write(replace(target, cover=cover), shape)
