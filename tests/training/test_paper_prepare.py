@@ -8,7 +8,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch, from the train extra")
 
 from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence  # noqa: E402
-from dfcgs_codec.bitstream.constants import OutputOrder  # noqa: E402
+from dfcgs_codec.bitstream.constants import OutputOrder, Profile  # noqa: E402
 from dfcgs_codec.errors import InputError  # noqa: E402
 from tests.training.paper_helpers import moving_clouds, small_gof  # noqa: E402
 from training.paper.config import HELD_BACK  # noqa: E402
@@ -47,7 +47,9 @@ def test_choices_stay_within_the_sequence():
 def test_the_reference_is_what_the_codec_decodes(tmp_path):
     clouds, gof = moving_clouds(), small_gof()
     path = tmp_path / "one.dgs"
-    encode_sequence(clouds[:1], path, EncoderOptions(qp=22.0, gof_size=1, order=OutputOrder.FREE))
+    encode_sequence(
+        clouds[:1], path, EncoderOptions(qp=22.0, gof_size=1, order=OutputOrder.FREE, profile=Profile.PAPER)
+    )
     decoded = next(iter(decode_sequence(path))).cloud()
     positions = np.ldexp(gof.positions[0].astype(np.float64), int(gof.units[0])).astype(np.float32)
     assert np.array_equal(decoded.positions, positions)
