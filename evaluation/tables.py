@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from evaluation import paper_tables, prior_tables
+from evaluation import intra_tables, paper_tables, prior_tables
 from evaluation.bd import bd_delta, rate_at
 from evaluation.record import REPOSITORY
 from evaluation.results_file import curves, has_results, measured, results
@@ -389,6 +389,8 @@ TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "allocation": ("allocation", allocation_table),
     "identity": ("identity", identity_table),
     "lost order": ("identity", lost_order_table),
+    "intra": ("intra", intra_tables.ratio_table),
+    "intra lossless": ("intra", intra_tables.lossless_table),
     "prior": ("prior", prior_tables.streams_table),
     "prior models": ("prior", prior_tables.models_table),
     "paper curves": ("paper_profile", paper_tables.curves_table),

@@ -1,0 +1,60 @@
+"""Tables of I-frames for `docs/results.md`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from evaluation.intra import CURVES
+from evaluation.paper_tables import table
+from evaluation.results_file import results
+
+_OTHERS = ("spz", "sog")
+
+
+def _ratio(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _others(scene: dict[str, Any]) -> list[str]:
+    cells = []
+    for name in _OTHERS:
+        other = scene["others"].get(name, {})
+        if "psnr" not in other:
+            cells += ["-", "-"]
+            continue
+        cells.append(f"{other['bits_per_gaussian']:.0f} bits, {other['psnr']:.1f} dB")
+        cells.append(" / ".join(_ratio(other["vs"][curve]) for curve in CURVES))
+    return cells
+
+
+def ratio_table() -> str:
+    """Bits of an I-frame against other methods and against ourselves without grading."""
+    rows = []
+    for name, scene in results("intra").items():
+        bits = [scene["bits_at_40_db"][curve] for curve in CURVES]
+        cells = [name, str(scene["num_gaussians"]), str(scene["sh_degree"]), *_others(scene)]
+        cells.append(" / ".join("-" if b is None else f"{b:.0f}" for b in bits))
+        delta = scene["bd_rate_to_uniform"]["graded"]
+        rows.append([*cells, "-" if delta is None else f"{delta:+.1f} %"])
+    head = [
+        "splat",
+        "N",
+        "SH",
+        "SPZ",
+        "ours / SPZ",
+        "SOG",
+        "ours / SOG",
+        "bits at 40 dB",
+        "BD-rate to uniform",
+    ]
+    return table(head, rows)
+
+
+def lossless_table() -> str:
+    """`--intra ply` against general compressors."""
+    rows = []
+    for name, scene in results("intra").items():
+        sizes = scene["lossless"]
+        cells = [f"{sizes['ply'] / sizes[method]:.2f}" for method in ("dfcgs", "xz", "zstd")]
+        rows.append([name, str(sizes["ply"]), *cells])
+    return table(["splat", "PLY, bytes", "`--intra ply`", "xz -9", "zstd -22"], rows)
