@@ -3,6 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+pytest.importorskip("bjontegaard")
+pytest.importorskip("zstandard")
+
 from evaluation import intra
 from evaluation.assets import has_asset
 

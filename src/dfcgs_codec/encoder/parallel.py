@@ -50,7 +50,17 @@ def _one_blas_thread() -> Iterator[None]:
 
 @contextmanager
 def _interrupt_later() -> Iterator[None]:
-    """Hold an interrupt back: a pool that is interrupted while it starts cannot be shut down."""
+    """Hold an interrupt back: a pool that is interrupted while it starts cannot be shut down.
+
+    Processes that are started meanwhile never see one, where signals can be masked: masks are inherited.
+    """
+    if hasattr(signal, "pthread_sigmask"):
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        return
     previous = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or previous is None:
         yield
