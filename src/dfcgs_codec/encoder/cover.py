@@ -72,14 +72,15 @@ def _samples(cloud: GaussianCloud, cell: float) -> tuple[Float64, Float64, Int64
 def _light(depth: Float64, place: tuple[Int64, Float64], reach: float) -> tuple[Float64, Float64]:
     """Optical depth before and behind each sample, within `reach`; `place`: its cell, how far along."""
     cell, along = place
-    order = np.lexsort((along, cell))
-    cells, ways = cell[order], along[order]
+    # one number says where a sample is: cells lie farther apart than light reaches
+    place_of = cell * (float(np.ptp(along)) + 2 * reach + 1.0) + (along - along.min() + reach)
+    order = np.argsort(place_of, kind="stable")
+    cells, key = cell[order], place_of[order]
     total = np.cumsum(depth[order])
     before = total - depth[order]
     starts = np.concatenate([[0], np.flatnonzero(np.diff(cells)) + 1])
     lengths = np.diff(np.concatenate([starts, [len(cells)]]))
     first, end = np.repeat(starts, lengths), np.repeat(starts + lengths, lengths)
-    key = cells * (float(np.ptp(ways)) + 2 * reach + 1.0) + (ways - ways.min() + reach)
     near = np.maximum(np.searchsorted(key, key - reach), first)
     far = np.minimum(np.searchsorted(key, key + reach, side="right"), end)
     front, back = np.empty(len(cells)), np.empty(len(cells))
