@@ -7,13 +7,10 @@ pytest.importorskip("bjontegaard")
 pytest.importorskip("zstandard")
 
 from evaluation import intra
-from evaluation.assets import has_asset
 
 
 def test_a_part_has_at_most_so_many_gaussians() -> None:
     splat = next(s for s in intra.SPLATS if s.name == "playbot_31k_sh2")
-    if not has_asset(splat.asset):
-        pytest.skip("the splat is not here")
     whole = splat.cloud()
     part = intra.Splat("part", splat.asset, splat.views, is_part=True)
     assert part.cloud().num_gaussians == whole.num_gaussians <= intra._PART

@@ -131,10 +131,6 @@ class _Loop:
     is_held: bool = False
 
 
-def _named(members: Members, planes: Planes) -> tuple[Members, Planes]:
-    return members, members.target(planes)
-
-
 class SegmentEncoder:
     """Codes segments of one sequence; keeps the last anchor."""
 
@@ -260,7 +256,8 @@ class SegmentEncoder:
         names = settled_names(names, target[Attribute.ROTATION], decoded)
         if index == first:
             self._names = {first: names.take(np.argsort(order))}
-        return _Loop(coded, *_named(Members(order, names), planes), cloud, planes, len(coded.data))
+        members = Members(order, names)
+        return _Loop(coded, members, members.target(planes), cloud, planes, len(coded.data))
 
     def _settled(self, first: int, anchor: _Anchor) -> AxisNames:
         """Axis names, in input order, of the first frame of a run: those that its I-frame gives them."""
