@@ -83,6 +83,8 @@ def steps_of(frames: list[GaussianCloud], options: EncoderOptions) -> dict[Attri
         Attribute.OPACITY: units.opacity,
     }
     coarser = MULTIPLIERS[-1] / MULTIPLIERS[0] if options.visibility else 1.0
+    if plan.is_graded:
+        steps = {a: max(step, plan.quantisation.graded_steps[a]) for a, step in steps.items()}
     return {a: coarser * (step + 1) * 2.0 ** exponents.get(a, units.color) for a, step in steps.items()}
 
 

@@ -86,6 +86,7 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         refinement=RefinementMode(values["refinement"]),
         visibility=values["steps"] == "visibility",
         cover=values["cover"] == "auto",
+        balance=values["balance"] == "auto",
         prior=PriorMode(values["prior"]),
         intra=IntraKind[values["intra"].upper()],
         order=OutputOrder[values["order"].upper()],
@@ -219,6 +220,13 @@ def _summary(report: EncodeReport, target: Path) -> str:
     default="auto",
     show_default=True,
     help="Whether what lies behind other Gaussians, from all sides, counts as showing less.",
+)
+@click.option(
+    "--balance",
+    type=click.Choice(["auto", "off"]),
+    default="auto",
+    show_default=True,
+    help="Whether steps of attributes follow how much each shows in the first frame.",
 )
 @click.option(
     "--intra",

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.encoder.splats import alpha_of, deviations, rotation_matrices
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.lod import LevelsOfDetail
 
@@ -30,7 +31,6 @@ _CELLS = 120
 _REACH = 0.2
 #: a Gaussian wider than a cell is as many samples as cells, at most
 _MAX_SAMPLES = 16
-_MAX_LOG_SCALE = 30.0
 #: half octaves of a step to an octave of light: a covered Gaussian is not as coarse as its light alone
 #: would have it, for the estimate is rough
 _CLASSES_PER_OCTAVE = 1.0
@@ -40,30 +40,18 @@ _LEAST_LIGHT = 1e-3
 _NEAR = 0.9
 
 
-def _axes(rotations: npt.NDArray[np.float32]) -> Float64:
-    """Rotation matrices (N, 3, 3) of quaternions of any length."""
-    wide = rotations.astype(np.float64)
-    w, x, y, z = (wide / np.linalg.norm(wide, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
-
-
 def _samples(cloud: GaussianCloud, cell: float) -> tuple[Float64, Float64, Int64]:
     """Points (S, 3), the optical depth of each over a cell, and whose they are (S,), ascending."""
-    scales = np.exp(np.clip(cloud.scales.astype(np.float64), -_MAX_LOG_SCALE, _MAX_LOG_SCALE))
+    scales = deviations(cloud.scales)
     _, middle, long = np.sort(scales, axis=1).T
-    alpha = 1.0 / (1.0 + np.exp(-np.clip(cloud.opacities.astype(np.float64).ravel(), -50, 50)))
+    alpha = alpha_of(cloud.opacities)
     cells = 2 * np.pi * middle * long / cell**2
     number = np.clip(np.ceil(cells), 1, _MAX_SAMPLES).astype(np.int64)
     owner = np.repeat(np.arange(len(number)), number)
     noise = np.random.default_rng(0).standard_normal((len(owner), 3))
     # the first sample is the middle
     noise[np.cumsum(number) - number] = 0.0
-    offsets = np.einsum("nij,nj->ni", _axes(cloud.rotations)[owner], noise * scales[owner])
+    offsets = np.einsum("nij,nj->ni", rotation_matrices(cloud.rotations)[owner], noise * scales[owner])
     share = np.minimum(cells / number, 1.0)[owner]
     depth = -np.log1p(-np.minimum(alpha[owner] * share, 0.98))
     return cloud.positions.astype(np.float64)[owner] + offsets, depth, owner
@@ -114,9 +102,9 @@ def light(cloud: GaussianCloud) -> Float64:
     return np.sqrt(total / (2 * len(_DIRECTIONS) * samples))
 
 
-def cover(cloud: GaussianCloud) -> Float64:
+def cover_of(light: Float64) -> Float64:
     """How covered each Gaussian is (N,), in classes, not rounded: 0 where as much can be seen as of any."""
-    octaves = -np.log2(np.maximum(light(cloud), _LEAST_LIGHT))
+    octaves = -np.log2(np.maximum(light, _LEAST_LIGHT))
     classes: Float64 = np.clip((octaves - np.quantile(octaves, 0.05)) * _CLASSES_PER_OCTAVE, 0.0, _MOST)
     return classes
 

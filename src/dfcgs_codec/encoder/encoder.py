@@ -14,6 +14,7 @@ from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, PAPER_GOF_SIZE, EncoderOptions
 from dfcgs_codec.encoder.parallel import code_in_parallel
+from dfcgs_codec.encoder.placing import balanced_plan
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.rate_control import plan_quantisation
 from dfcgs_codec.encoder.report import EncodeReport
@@ -67,7 +68,7 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
         model_id="" if model is None else model.model_id,
         model_hash=b"" if model is None else model.digest[:MODEL_HASH_BYTES],
     )
-    return SequencePlan(header, quantisation, options, _anchors(counts))
+    return balanced_plan(SequencePlan(header, quantisation, options, _anchors(counts)), first)
 
 
 def _segments(plan: SequencePlan) -> list[tuple[int, int]]:

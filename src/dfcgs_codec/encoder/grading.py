@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from dfcgs_codec.codec.graded_intra import GradedTarget
 from dfcgs_codec.codec.graded_rotation import ChooseTurns, GradedRotation, Turns, pole_turns
 from dfcgs_codec.codec.visibility import (
     IntraWeights,
+    Visibility,
     alpha_weights,
     axes_of,
     coarse_octaves,
@@ -33,6 +34,9 @@ Float64 = npt.NDArray[np.float64]
 
 #: share of the Gaussians whose steps are coarser than given
 GRADED_RANK = 0.9
+#: the same in P-frames; with 0.9 whole files are 1 % smaller at equal PSNR, but P-frames more than 1 dB below
+#: I-frames of the same QP
+_INTER_RANK = 0.8
 #: positions are coarser by up to the octaves of this share of the Gaussians, and this many
 _COARSE_RANK = 0.98
 _MOST_COARSE = 4
@@ -105,6 +109,17 @@ def steps_in_intra_frame(
     columns = [np.where(weights.is_needle, spin, tilt), tilt, np.where(weights.is_needle, tilt, spin)]
     found[Attribute.ROTATION] = np.stack(columns, axis=1)
     return found
+
+
+def inter_levels(
+    visibility: Visibility, attributes: Iterable[Attribute], bounded: frozenset[Attribute]
+) -> dict[Attribute, int]:
+    """Weights at which steps of P-frames are as given: few Gaussians show more; if bounded, for all."""
+    levels = {}
+    for attribute in attributes:
+        level = int(np.quantile(visibility.weights(attribute), _INTER_RANK, method="lower"))
+        levels[attribute] = -STATE_LIMIT if attribute in bounded else level
+    return levels
 
 
 @dataclass(frozen=True)

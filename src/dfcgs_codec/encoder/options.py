@@ -72,6 +72,7 @@ class EncoderOptions:
     control points moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one
     control point for `control_spacing` Gaussians (M of the paper);
     `visibility`: steps are coarser for what shows less; `cover`: so they are for what lies behind others;
+    `balance`: steps of attributes follow what they show in the first frame;
     `intra_zero_bin` is that of I-frames; `prior`: which streams of P-frames take
     the frozen prior; `model_id` names another model than the profile's own; `jobs` processes.
 
@@ -99,6 +100,7 @@ class EncoderOptions:
     refinement: RefinementMode = RefinementMode.AUTO
     visibility: bool = True
     cover: bool = True
+    balance: bool = True
     intra_zero_bin: float = 0.6
     jobs: int = 1
 
@@ -119,10 +121,10 @@ class EncoderOptions:
             f"--latent-step {self.latent_step}: a power of two, 1/16 to 64, was expected": (
                 MIN_LATENT_STEP_LOG2 <= _log2(self.latent_step) <= MAX_LATENT_STEP_LOG2
             ),
-            "--motion, --compensation, --steps, --cover and --prior belong to --profile main": (
+            "--motion, --compensation, --steps, --cover, --balance and --prior belong to --profile main": (
                 self.profile == Profile.MAIN
-                or (self.motion, self.compensation, self.visibility, self.cover, self.prior)
-                == (MotionMode.AUTO, Compensation.GATHER, True, True, PriorMode.AUTO)
+                or (self.motion, self.compensation, self.visibility, self.cover, self.balance, self.prior)
+                == (MotionMode.AUTO, Compensation.GATHER, True, True, True, PriorMode.AUTO)
             ),
             "--latent-step and --refinement belong to --profile paper": (
                 self.profile == Profile.PAPER
@@ -169,7 +171,8 @@ class EncoderOptions:
     def _steps(self) -> str:
         if not self.visibility:
             return "uniform"
-        return "visibility" if self.cover else "visibility/nocover"
+        parts = {"/nocover": not self.cover, "/nobalance": not self.balance}
+        return "visibility" + "".join(name for name, is_so in parts.items() if is_so)
 
     def _describe_paper(self) -> str:
         return (

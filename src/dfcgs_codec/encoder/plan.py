@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, Profile
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
@@ -13,18 +16,24 @@ from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.registry import context_model
 
+Float64 = npt.NDArray[np.float64]
+
 #: log2 of the Gaussians in a significance block
 BLOCK_LOG2 = 6
 
 
 @dataclass(frozen=True)
 class SequencePlan:
-    """Header, steps and options of a sequence; `anchors[i]` is the first frame of frame i's run."""
+    """Header, steps and options of a sequence; `anchors[i]` is the first frame of frame i's run.
+
+    `first_light` (N,): the share of light that reaches each Gaussian of frame 0, where it was measured.
+    """
 
     header: SequenceHeader
     quantisation: Quantisation
     options: EncoderOptions
     anchors: list[int]
+    first_light: Float64 | None = None
 
     @property
     def steps(self) -> dict[Attribute, int]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -102,20 +103,28 @@ class Bound:
 
 @dataclass(frozen=True)
 class Quantisation:
-    """Grids, steps in grid units, and the attributes whose error is bounded (no dead zone)."""
+    """Grids, steps in grid units, and the attributes whose error is bounded (no dead zone).
+
+    `steps` are those of P-frames and of ungraded I-frames, `graded_steps` those of graded ones.
+    """
 
     units: UnitExponents
     steps: dict[Attribute, int]
     bounded: frozenset[Attribute]
+    graded_steps: dict[Attribute, int]
     notes: tuple[str, ...] = ()
 
-    @property
-    def graded_steps(self) -> dict[Attribute, int]:
-        """Steps of graded I-frames; bounded ones are as they are."""
-        return {
-            a: step if a in self.bounded else max(1, round(step * 2.0 ** GRADED_OCTAVES[a]))
-            for a, step in self.steps.items()
-        }
+    def balanced(self, graded: Mapping[Attribute, float], inter: Mapping[Attribute, float]) -> Quantisation:
+        """With steps of graded I-frames, and of P-frames, coarser by so many octaves."""
+        return replace(
+            self, steps=_coarser(self.steps, inter), graded_steps=_coarser(self.graded_steps, graded)
+        )
+
+
+def _coarser(steps: Mapping[Attribute, int], octaves: Mapping[Attribute, float]) -> dict[Attribute, int]:
+    return {
+        a: min(max(1, round(step * 2.0 ** octaves.get(a, 0.0))), STATE_LIMIT) for a, step in steps.items()
+    }
 
 
 def typical_size(cloud: GaussianCloud) -> float:
@@ -222,4 +231,5 @@ def plan_quantisation(
             f"a position reaches {reach:g}: the position step of all Gaussians grows from {position:g} to "
             f"{2.0**units.position:g}; remove such outliers to keep the scene sharp"
         )
-    return Quantisation(units, steps, frozenset(limits), tuple(notes))
+    graded = _coarser(steps, {a: octaves for a, octaves in GRADED_OCTAVES.items() if a not in limits})
+    return Quantisation(units, steps, frozenset(limits), graded, tuple(notes))

@@ -13,16 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder, Profile
-from dfcgs_codec.bitstream.frame_headers import SortGrid
 from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder.analysis import (
-    Planes,
-    intra_symbols,
-    order_of,
-    plan_grid,
-)
-from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
-from dfcgs_codec.encoder.cover import cover
+from dfcgs_codec.encoder.analysis import Planes, intra_symbols
+from dfcgs_codec.encoder.canonical import AxisNames
 from dfcgs_codec.encoder.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame_coding import (
     CodedFrame,
@@ -30,11 +23,12 @@ from dfcgs_codec.encoder.frame_coding import (
     code_intra_frame,
     code_verbatim_frame,
 )
-from dfcgs_codec.encoder.grading import GradedPlan, settled_names
+from dfcgs_codec.encoder.grading import settled_names
 from dfcgs_codec.encoder.identity import Members, Succession, found_members, same_members
 from dfcgs_codec.encoder.inter_coding import InterCoder, InterTask
 from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionHint
+from dfcgs_codec.encoder.placing import Placing
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.report import EncodeReport, FrameRecord
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
@@ -42,7 +36,6 @@ from dfcgs_codec.encoder.triage import is_tracked
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.registry import latent_model
 from dfcgs_codec.sequence import FrameSource
-from dfcgs_codec.transform.rotation import round_divide
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
@@ -73,34 +66,7 @@ class _Anchor:
 
     cloud: GaussianCloud
     rank: Int64
-    placing: _Placing
-
-
-@dataclass(frozen=True)
-class _Placing:
-    """Axis names and grading of a frame's Gaussians, where they have any."""
-
-    names: AxisNames | None
-    graded: GradedPlan | None
-
-    @staticmethod
-    def of(cloud: GaussianCloud, planes: Planes, plan: SequencePlan) -> _Placing:
-        """Those of an untracked frame, or of the first of a run."""
-        if plan.options.keep_axes:
-            return _Placing(None, None)
-        names = choose_axis_names(planes)
-        if not plan.is_graded:
-            return _Placing(names, None)
-        covered = cover(cloud) if plan.options.cover else np.zeros(cloud.num_gaussians)
-        return _Placing(names, GradedPlan.of(names.rename(planes), covered, plan.quantisation))
-
-    def order(self, positions: Int64, plan: SequencePlan) -> tuple[Int64, SortGrid]:
-        """Canonical order of `positions` (N, 3) in grid units, and the sort grid."""
-        if self.graded is not None:
-            return self.graded.order(positions, plan.quantisation)
-        indices = round_divide(positions, plan.steps[Attribute.POSITION])
-        grid = plan_grid(indices)
-        return order_of(indices, grid), grid
+    placing: Placing
 
 
 @dataclass(frozen=True)
@@ -229,7 +195,7 @@ class SegmentEncoder:
     def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> _Loop:
         anchor, first = self._anchor(index), self._plan.anchors[index]
         tracked = is_tracked(anchor.cloud, cloud)
-        placing = anchor.placing if tracked else _Placing.of(cloud, planes, self._plan)
+        placing = anchor.placing if tracked else Placing.of(cloud, planes, self._plan)
         order, grid = placing.order(planes[Attribute.POSITION], self._plan)
         permutation = self._permutation(order, anchor if tracked else None)
         if self._plan.options.intra == IntraKind.PLY:
@@ -281,7 +247,8 @@ class SegmentEncoder:
         if first not in self._anchors:
             cloud, _ = self._source.read(first)
             planes = Targets(self._plan.header.unit_exponents).planes(cloud)
-            placing = _Placing.of(cloud, planes, self._plan)
+            known = None if first else self._plan.first_light
+            placing = Placing.of(cloud, planes, self._plan, known)
             rank = np.empty(cloud.num_gaussians, np.int64)
             rank[placing.order(planes[Attribute.POSITION], self._plan)[0]] = np.arange(len(rank))
             self._anchors = {first: _Anchor(cloud, rank, placing)}

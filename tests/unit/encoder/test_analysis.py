@@ -101,7 +101,7 @@ def test_a_point_needs_no_bits() -> None:
 # --- symbols ------------------------------------------------------------------------------------------
 
 STEPS = dict.fromkeys(Attribute, 1000) | {Attribute.ROTATION: 256}
-QUANTISATION = Quantisation(UNITS, STEPS, frozenset())
+QUANTISATION = Quantisation(UNITS, STEPS, frozenset(), STEPS)
 
 
 def test_intra_symbols_are_within_half_a_step() -> None:
@@ -166,7 +166,7 @@ def test_a_bounded_attribute_has_no_dead_zone(bounded: bool) -> None:
     before = planes_of(coincident_cloud(64))
     target = before | {Attribute.POSITION: before[Attribute.POSITION] + 550}
     reference = FrameState({a: Plane(v) for a, v in before.items()})
-    quantisation = Quantisation(UNITS, STEPS, frozenset({Attribute.POSITION} if bounded else ()))
+    quantisation = Quantisation(UNITS, STEPS, frozenset({Attribute.POSITION} if bounded else ()), STEPS)
     found = inter_symbols(
         target, before, (reference, reference), ResidualQuantiser(quantisation, ZeroBin(0.6), 6)
     )

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dfcgs_codec.encoder.cover import cover, cover_classes, light
+from dfcgs_codec.encoder.cover import cover_classes, cover_of, light
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.lod import build_levels
 from tests.helpers import make_cloud
@@ -36,7 +36,7 @@ def test_what_is_inside_an_opaque_ball_is_covered() -> None:
     points, radii = ball(12_000)
     found = light(cloud_at(points, 0.03, 0.95))
     assert np.median(found[radii < 0.6]) < 0.5 * np.median(found[radii > 0.97])
-    classes = cover(cloud_at(points, 0.03, 0.95))
+    classes = cover_of(light(cloud_at(points, 0.03, 0.95)))
     assert np.median(classes[radii < 0.6]) > np.median(classes[radii > 0.97]) + 1
     assert classes.min() == 0
 
@@ -60,10 +60,10 @@ def test_a_far_wall_covers_nothing() -> None:
 
 def test_any_cloud_has_classes() -> None:
     for cloud in (make_cloud(1), make_cloud(2), cloud_at(np.zeros((40, 3)), 1.0, 0.5)):
-        assert (np.rint(cover(cloud)) == 0).all()
+        assert (np.rint(cover_of(light(cloud))) == 0).all()
     wild = cloud_at(sphere(300, 1e6), 1e-9, 0.999)
     wild.positions[0] = 1e30
-    assert np.isfinite(cover(wild)).all()
+    assert np.isfinite(cover_of(light(wild))).all()
 
 
 def test_classes_follow_their_neighbours_where_these_are_near() -> None:

@@ -1,0 +1,154 @@
+"""Steps of attributes in proportion to what they show: bits go where they mend most of the image.
+
+Steps that a QP alone gives are those of a typical scene. How much a step of opacity, of a turn or of colour
+shows differs from scene to scene by a factor of two, so the first frame's Gaussians are quantised, attribute
+by attribute, and looked at (`sensitivity`). Then a bit is to buy the same in each attribute, and the sum of
+all errors is to stay what it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.encoder.sensitivity import image_errors
+from dfcgs_codec.encoder.splats import Splats, alpha_of, deviations, rotation_matrices
+from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.transform.companding import expand
+from dfcgs_codec.transform.rotation import ONE, STEREO_ONE
+
+Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+
+#: steps change by no more octaves
+_MOST_OCTAVES = 1.2
+#: errors grow with the square of steps, those of positions with the 1.3rd power (who swaps places in
+#: depth change the image at once), so that a bit mends less than their size says
+_POSITION_SHARE = 0.65
+#: what shows nothing counts as this share of all errors
+_LEAST_SHARE = 1e-6
+#: Gaussians that the cost of a bit is estimated from
+_MOST_ROWS = 20_000
+#: radians to a unit of a stereographic vector, where it is short
+_RADIANS = 4.0
+#: symbols smaller than this have no bits worth an estimate
+_LEAST_SYMBOL = 0.03
+
+
+@dataclass(frozen=True)
+class Quantised:
+    """Gaussians and their steps: what can be drawn of them, with one attribute quantised or none.
+
+    `planes` (N, C) and `steps` (N, 1), of turns about the axes (N, 3), in grid units; symbols below
+    `zero_bin` are zero.
+    """
+
+    planes: Mapping[Attribute, Int64]
+    steps: Mapping[Attribute, Float64]
+    units: UnitExponents
+    zero_bin: float
+
+    def draw(self, rows: Int64) -> tuple[Splats, dict[Attribute, Splats]]:
+        """Some of them as they are, and by attribute with that one quantised."""
+        planes = {attribute: plane[rows] for attribute, plane in self.planes.items()}
+        splats = Splats(
+            planes[Attribute.POSITION].astype(np.float64) * 2.0**self.units.position,
+            rotation_matrices(planes[Attribute.ROTATION] / ONE),
+            deviations(planes[Attribute.SCALE] * 2.0**self.units.scale),
+            self._alpha(planes[Attribute.OPACITY]),
+            self._colours(planes),
+        )
+        return splats, {a: self._changed(splats, planes, a, rows) for a in planes}
+
+    def sizes(self, attribute: Attribute, rows: Int64) -> Float64:
+        """Mean magnitude (rows,) of a Gaussian's symbols, predicted by no more than the median."""
+        values = self.planes[attribute][rows]
+        sizes: Float64 = np.abs((values - np.median(values, axis=0)) / self.steps[attribute][rows]).mean(1)
+        return sizes
+
+    def _changed(
+        self, splats: Splats, planes: Mapping[Attribute, Int64], attribute: Attribute, rows: Int64
+    ) -> Splats:
+        random = np.random.default_rng(int(attribute))
+        steps = self.steps[attribute][rows]
+        if attribute >= Attribute.SH_DC:
+            errors = self._colour_errors(attribute, planes[attribute] / steps, random) * steps
+            return replace(splats, colours=self._colours({**planes, attribute: planes[attribute] + errors}))
+        errors = (random.random((len(rows), 3)) - 0.5) * steps
+        if attribute == Attribute.POSITION:
+            return replace(splats, positions=splats.positions + errors * 2.0**self.units.position)
+        if attribute == Attribute.SCALE:
+            factors = np.exp(errors * 2.0**self.units.scale)
+            return replace(splats, deviations=splats.deviations * factors)
+        if attribute == Attribute.OPACITY:
+            values = planes[attribute] + np.rint(errors[:, :1]).astype(np.int64)
+            return replace(splats, alpha=self._alpha(values))
+        vectors = errors * (_RADIANS / 2 / STEREO_ONE)
+        turns = rotation_matrices(np.concatenate([np.ones((len(rows), 1)), vectors], axis=1))
+        return replace(splats, axes=np.einsum("nij,njk->nik", splats.axes, turns))
+
+    def _colour_errors(self, attribute: Attribute, values: Float64, random: np.random.Generator) -> Float64:
+        """In steps, as are `values` (rows, C): about predictions that are off by what values vary there."""
+        if attribute == Attribute.SH_DC:
+            return random.random(values.shape) - 0.5
+        size = np.minimum(np.abs(values).mean(axis=1, keepdims=True), 1.0)
+        symbols = values + (random.random(values.shape) - 0.5) * size
+        errors: Float64 = np.where(np.abs(symbols) < self.zero_bin, 0.0, np.rint(symbols)) - symbols
+        return errors
+
+    def _alpha(self, values: Int64) -> Float64:
+        return alpha_of(expand(values[:, 0], self.units.opacity) * 2.0**self.units.opacity)
+
+    def _colours(self, planes: Mapping[Attribute, npt.NDArray[np.number]]) -> Float64:
+        joined = np.concatenate([planes[a] for a in sorted(planes) if a >= Attribute.SH_DC], axis=1)
+        return joined.reshape(len(joined), -1, 3).transpose(0, 2, 1) * 2.0**self.units.color
+
+
+def _entropy(size: Float64, zero_bin: float) -> Float64:
+    """Bits of Laplace symbols of mean magnitudes `size`, in steps."""
+    tail, zero = np.exp(-1.0 / size), -np.expm1(-zero_bin / size)
+
+    def binary(p: Float64) -> Float64:
+        return -(p * np.log2(np.maximum(p, 1e-300)) + (1 - p) * np.log2(np.maximum(1 - p, 1e-300)))
+
+    bits: Float64 = binary(zero) + (1 - zero) * (1 + binary(tail) / (1 - tail))
+    return bits
+
+
+def bits_per_octave(sizes: Float64, zero_bin: float) -> float:
+    """Bits that a symbol takes less when its step doubles: mean over `sizes` (rows,), 1 for large ones."""
+    sizes = np.clip(sizes, _LEAST_SYMBOL, 64.0)
+    quarter = 2.0**0.25
+    slopes = 2 * (_entropy(sizes * quarter, zero_bin) - _entropy(sizes / quarter, zero_bin))
+    return float(np.clip(slopes, 0.0, 1.0).mean())
+
+
+def balanced_octaves(
+    cloud: GaussianCloud, light: Float64, quantised: Quantised, fixed: frozenset[Attribute]
+) -> dict[Attribute, float]:
+    """Octaves by which steps of attributes are to be coarser; those of `fixed` ones are as they are.
+
+    `light` (N,) is the share of light that reaches each Gaussian; none where nothing can be seen.
+    """
+    errors = image_errors(cloud, light, quantised.draw)
+    rows = np.arange(0, cloud.num_gaussians, max(1, cloud.num_gaussians // _MOST_ROWS))
+    least = _LEAST_SHARE * sum(errors.values())
+    if least <= 0.0:
+        return {}
+    slopes, gains = {}, {}
+    for attribute in errors.keys() - fixed:
+        columns = 3 if attribute == Attribute.ROTATION else STATE_COLUMNS[attribute]
+        share = 1.0
+        if attribute > Attribute.SH_DC:
+            share = bits_per_octave(quantised.sizes(attribute, rows), quantised.zero_bin)
+        slopes[attribute] = max(columns * share, _LEAST_SHARE)
+        of_position = attribute == Attribute.POSITION
+        gains[attribute] = max(errors[attribute], least) * (_POSITION_SHARE if of_position else 1.0)
+    total = np.log2(sum(gains.values()) / sum(slopes.values()))
+    octaves = {a: 0.5 * (total + np.log2(slopes[a] / gains[a])) for a in sorted(slopes)}
+    return {a: float(np.clip(octave, -_MOST_OCTAVES, _MOST_OCTAVES)) for a, octave in octaves.items()}

@@ -1,0 +1,89 @@
+"""Axis names, canonical order and grading of a frame's Gaussians, and steps that the first frame balances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.frame_headers import SortGrid
+from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.codec.visibility import MULTIPLIER_BITS, Visibility
+from dfcgs_codec.encoder.analysis import Planes, order_of, plan_grid
+from dfcgs_codec.encoder.balance import Quantised, balanced_octaves
+from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
+from dfcgs_codec.encoder.cover import cover_of, light
+from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
+from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.targets import Targets
+from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.transform.rotation import round_divide
+
+Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+
+#: share of what the first frame says that is believed of P-frames: errors there are not larger than what
+#: changes, and nobody knows yet what will
+_INTER_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class Placing:
+    """Axis names and grading, where Gaussians have any; rows as those of the input."""
+
+    names: AxisNames | None
+    graded: GradedPlan | None
+
+    @staticmethod
+    def of(cloud: GaussianCloud, planes: Planes, plan: SequencePlan, known: Float64 | None = None) -> Placing:
+        """Those of an untracked frame, or of the first of a run; `known` (N,): its light, if it was found."""
+        if plan.options.keep_axes:
+            return Placing(None, None)
+        names = choose_axis_names(planes)
+        if not plan.is_graded:
+            return Placing(names, None)
+        cover = np.zeros(cloud.num_gaussians)
+        if plan.options.cover:
+            cover = cover_of(light(cloud) if known is None else known)
+        return Placing(names, GradedPlan.of(names.rename(planes), cover, plan.quantisation))
+
+    def order(self, positions: Int64, plan: SequencePlan) -> tuple[Int64, SortGrid]:
+        """Canonical order of `positions` (N, 3) in grid units, and the sort grid."""
+        if self.graded is not None:
+            return self.graded.order(positions, plan.quantisation)
+        indices = round_divide(positions, plan.steps[Attribute.POSITION])
+        grid = plan_grid(indices)
+        return order_of(indices, grid), grid
+
+
+def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
+    """With steps in proportion to what they show in the `first` frame."""
+    if not (plan.is_graded and plan.options.balance):
+        return plan
+    found, planes = light(first), Targets(plan.header.unit_exponents).planes(first)
+    placing = Placing.of(first, planes, plan, found)
+    assert placing.names is not None
+    assert placing.graded is not None
+    planes = placing.names.rename(planes)
+    quantisation = plan.quantisation
+    units, bounded = quantisation.units, quantisation.bounded
+    cover = np.rint(placing.graded.cover).astype(np.int64)
+    state = FrameState({a: Plane(plane) for a, plane in planes.items()}, cover=cover)
+    steps = steps_in_intra_frame(state, units, placing.graded.grading, quantisation.graded_steps)
+    real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
+    drawn = Quantised(planes, real, units, plan.options.intra_zero_bin)
+    graded = balanced_octaves(first, found, drawn, bounded)
+    inter: dict[Attribute, float] = {}
+    if plan.header.num_frames > 1:
+        visibility = Visibility(state, units)
+        coarser = visibility.all_multipliers(inter_levels(visibility, planes, bounded))
+        real = {
+            a: by.astype(np.float64) * (quantisation.steps[a] / (1 << MULTIPLIER_BITS))
+            for a, by in coarser.items()
+        }
+        drawn = Quantised(planes, real, units, plan.options.zero_bin)
+        octaves = balanced_octaves(first, found, drawn, bounded)
+        inter = {attribute: _INTER_SHARE * octave for attribute, octave in octaves.items()}
+    return replace(plan, quantisation=quantisation.balanced(graded, inter), first_light=found)

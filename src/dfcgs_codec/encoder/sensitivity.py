@@ -1,0 +1,141 @@
+"""How much quantisation of each attribute shows in images: seen in small patches, without cameras.
+
+A patch is a few pixels in parallel projection, looked at from one of many directions all around, of what lies
+within a part of the scene's size before and behind a Gaussian that light reaches. An encoder's choice; floats
+are welcome here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.encoder.splats import Splats, alpha_of, deviations, extent, harmonics
+from dfcgs_codec.gaussians import GaussianCloud
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+_PATCHES = 64
+#: pixels along a side of a patch, and from one that is looked at to the next
+_SIDE = 8
+_STRIDE = 2
+#: the scene is so many pixels wide; Gaussians are blurred by this variance, as renderers do
+_PIXELS = 400.0
+_BLUR = 0.3
+#: what is looked at lies so far before and behind, in parts of the scene's size
+_REACH = 0.2
+#: Gaussians end at so many standard deviations
+_SIGMAS = 3.0
+_MOST_ALPHA = 0.99
+#: axes of more pixels are as flat as can be, and float32 holds their squares
+_MOST_PIXELS = 1e3
+#: a patch has no more Gaussians: those that show most
+_MOST_GAUSSIANS = 2000
+_GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
+
+
+@dataclass(frozen=True)
+class _Patch:
+    """Pixels about `middle`; `frame` (3, 3) has the image's two axes and the line of sight as rows."""
+
+    middle: Float64
+    frame: Float64
+    pixel: float
+
+    def weights(self, splats: Splats) -> tuple[Float32, Int64]:
+        """What each Gaussian adds to each pixel, (rows, pixels), front to back, and whose rows they are."""
+        local = (splats.positions - self.middle) @ self.frame.T
+        order = np.argsort(local[:, 2], kind="stable")
+        spread = np.einsum("ij,njk->nik", self.frame[:2], splats.axes)
+        spread *= splats.deviations[:, None] / self.pixel
+        np.clip(spread, -_MOST_PIXELS, _MOST_PIXELS, out=spread)
+        a = (spread[:, 0] ** 2).sum(axis=1) + _BLUR
+        b = (spread[:, 0] * spread[:, 1]).sum(axis=1)
+        c = (spread[:, 1] ** 2).sum(axis=1) + _BLUR
+        half = 0.5 / (a * c - b * b)
+        a, b, c = ((k * half)[order, None].astype(np.float32) for k in (a, b, c))
+        place = (np.arange(_SIDE) - (_SIDE - 1) / 2) * _STRIDE
+        u = (place - local[order, :1] / self.pixel).astype(np.float32)
+        v = (place - local[order, 1:2] / self.pixel).astype(np.float32)
+        power = (c * u * u)[:, :, None] + (a * v * v)[:, None, :]
+        power -= (2 * b * u)[:, :, None] * v[:, None, :]
+        alpha = np.exp(-power, out=power).reshape(len(order), -1)
+        alpha *= splats.alpha[order, None].astype(np.float32)
+        np.minimum(alpha, np.float32(_MOST_ALPHA), out=alpha)
+        alpha[1:] *= np.cumprod(1 - alpha[:-1], axis=0)
+        return alpha, order
+
+    def shades(self, colours: Float64) -> Float32:
+        """Colours (rows, 3) as they are seen from there."""
+        basis = harmonics(self.frame[2], colours.shape[2])
+        return np.maximum(colours @ basis + 0.5, 0.0).astype(np.float32)
+
+    def image(self, splats: Splats) -> Float32:
+        """Pixels (pixels, 3)."""
+        weights, order = self.weights(splats)
+        pixels: Float32 = weights.T @ self.shades(splats.colours)[order]
+        return pixels
+
+
+def _directions() -> Float64:
+    """Unit vectors (_PATCHES, 3), spread evenly."""
+    height = 1.0 - (2.0 * np.arange(_PATCHES) + 1.0) / _PATCHES
+    turn, radius = _GOLDEN_ANGLE * np.arange(_PATCHES), np.sqrt(1.0 - height**2)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+
+
+def _patches(cloud: GaussianCloud, light: Float64) -> Iterator[tuple[_Patch, Int64]]:
+    """Patches, and which Gaussians are in each; none where nothing can be seen."""
+    positions = cloud.positions.astype(np.float64)
+    size = extent(positions)
+    if not 0.0 < size < np.inf:
+        return
+    _, middle, long = np.sort(deviations(cloud.scales), axis=1).T
+    shown = np.cumsum(alpha_of(cloud.opacities) * np.minimum(middle * long, size**2) * light**2)
+    if not 0.0 < shown[-1] < np.inf:
+        return
+    random = np.random.default_rng(0)
+    targets = np.searchsorted(shown, random.random(_PATCHES) * shown[-1], side="right")
+    half = _SIDE * _STRIDE / 2 * size / _PIXELS
+    reach = _SIGMAS * long + half
+    for target, direction in zip(targets.tolist(), _directions(), strict=True):
+        across = np.cross(direction, (0.31, 0.57, 0.76))
+        across /= np.linalg.norm(across)
+        frame = np.stack([across, np.cross(direction, across), direction])
+        patch = _Patch(positions[min(target, len(shown) - 1)], frame, size / _PIXELS)
+        rows = np.flatnonzero(np.abs(positions @ frame[0] - patch.middle @ frame[0]) < reach)
+        local = np.abs((positions[rows] - patch.middle) @ frame.T)
+        rows = rows[(local[:, 1] < reach[rows]) & (local[:, 2] < _REACH * size)]
+        if len(rows) > _MOST_GAUSSIANS:
+            weight = shown[rows] - np.where(rows > 0, shown[rows - 1], 0.0)
+            rows = np.sort(rows[np.argsort(-weight, kind="stable")[:_MOST_GAUSSIANS]])
+        yield patch, rows
+
+
+def image_errors(
+    cloud: GaussianCloud, light: Float64, draw: Callable[[Int64], tuple[Splats, Mapping[Attribute, Splats]]]
+) -> dict[Attribute, float]:
+    """Mean squared errors of pixels, by attribute; none where nothing can be seen.
+
+    `light` (N,): the share of light that reaches each Gaussian. `draw` gives some of the Gaussians as they
+    are, and by attribute as they are with that one quantised.
+    """
+    total: dict[Attribute, float] = {}
+    for patch, rows in _patches(cloud, light):
+        splats, changed = draw(rows)
+        weights, order = patch.weights(splats)
+        shades = patch.shades(splats.colours)[order]
+        image = weights.T @ shades
+        for attribute, there in changed.items():
+            if attribute >= Attribute.SH_DC:
+                difference = weights.T @ (patch.shades(there.colours)[order] - shades)
+            else:
+                difference = patch.image(there) - image
+            total[attribute] = total.get(attribute, 0.0) + float((difference.astype(np.float64) ** 2).mean())
+    return {attribute: value / _PATCHES for attribute, value in total.items()}

@@ -1,0 +1,82 @@
+"""Gaussians as they are drawn, in floats: what an encoder looks at to choose steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+_MAX_LOG_SCALE = 30.0
+_MAX_LOGIT = 50.0
+
+
+def rotation_matrices(quaternions: npt.NDArray[np.floating]) -> Float64:
+    """Rotation matrices (N, 3, 3), axes in columns, of quaternions (N, 4) of any length but zero."""
+    wide = quaternions.astype(np.float64)
+    w, x, y, z = (wide / np.linalg.norm(wide, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
+
+
+def deviations(log_scales: npt.NDArray[np.floating]) -> Float64:
+    """Standard deviations, any shape; absurd ones are clipped."""
+    return np.exp(np.clip(log_scales.astype(np.float64), -_MAX_LOG_SCALE, _MAX_LOG_SCALE))
+
+
+def alpha_of(logits: npt.NDArray[np.floating]) -> Float64:
+    """Opacities, any shape."""
+    found: Float64 = 1.0 / (1.0 + np.exp(-np.clip(logits.astype(np.float64), -_MAX_LOGIT, _MAX_LOGIT)))
+    return found
+
+
+def extent(positions: Float64) -> float:
+    """Size of the scene: the longest side of the box that 96 % of the coordinates (N, 3) lie in."""
+    corners = np.percentile(positions, [2, 98], axis=0)
+    return float((corners[1] - corners[0]).max())
+
+
+@dataclass(frozen=True)
+class Splats:
+    """`positions` (N, 3), scene units; `axes` (N, 3, 3) in columns; `deviations` (N, 3); `alpha` (N,).
+
+    `colours` (N, 3, K): coefficients of the real spherical harmonics.
+    """
+
+    positions: Float64
+    axes: Float64
+    deviations: Float64
+    alpha: Float64
+    colours: Float64
+
+
+def harmonics(direction: Float64, count: int) -> Float64:
+    """The first `count` (1, 4, 9 or 16) real spherical harmonics of a unit vector (3,), signed as in 3DGS."""
+    x, y, z = direction.tolist()
+    xx, yy, zz = x * x, y * y, z * z
+    found = [
+        0.28209479177387814,
+        -0.4886025119029199 * y,
+        0.4886025119029199 * z,
+        -0.4886025119029199 * x,
+        1.0925484305920792 * x * y,
+        -1.0925484305920792 * y * z,
+        0.31539156525252005 * (2 * zz - xx - yy),
+        -1.0925484305920792 * x * z,
+        0.5462742152960396 * (xx - yy),
+        -0.5900435899266435 * y * (3 * xx - yy),
+        2.890611442640554 * x * y * z,
+        -0.4570457994644658 * y * (4 * zz - xx - yy),
+        0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy),
+        -0.4570457994644658 * x * (4 * zz - xx - yy),
+        1.445305721320277 * z * (xx - yy),
+        -0.5900435899266435 * x * (xx - 3 * yy),
+    ]
+    return np.array(found[:count])

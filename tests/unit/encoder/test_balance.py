@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dfcgs_codec import EncoderOptions, encode_sequence, probe
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, bits_per_octave
+from dfcgs_codec.encoder.encoder import plan_sequence
+from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.rate_control import Bound, plan_quantisation
+from dfcgs_codec.encoder.sensitivity import image_errors
+from dfcgs_codec.encoder.targets import Targets
+from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.sequence import MemorySource
+from tests.helpers import make_cloud
+
+COUNT = 1500
+
+
+def ball(alpha: float = 0.7, ratio: float = 3.0, count: int = COUNT) -> GaussianCloud:
+    """Gaussians all over a ball: discs of that ratio of axes and opacity, in all colours."""
+    rng = np.random.default_rng(2)
+    cloud = make_cloud(count, sh_degree=1)
+    points = rng.normal(size=(count, 3))
+    points *= (rng.random(count) ** (1 / 3) / np.linalg.norm(points, axis=1))[:, None]
+    scales = np.full((count, 3), np.log(0.05), np.float32)
+    scales[:, 2] -= np.log(ratio)
+    return replace(
+        cloud,
+        positions=points.astype(np.float32),
+        scales=scales,
+        rotations=rng.normal(size=(count, 4)).astype(np.float32),
+        opacities=np.full_like(cloud.opacities, np.log(alpha / (1 - alpha))),
+        sh_dc=rng.normal(0, 0.8, (count, 3)).astype(np.float32),
+        sh_rest=rng.normal(0, 0.1, (count, 3, 3)).astype(np.float32),
+    )
+
+
+def quantised(cloud: GaussianCloud, coarser: float = 1.0) -> Quantised:
+    plan = plan_quantisation(24, (), cloud, 2.0)
+    steps = {
+        a: np.full((cloud.num_gaussians, 1), coarser * step)
+        for a, step in plan.steps.items()
+        if a <= Attribute.SH_1
+    }
+    return Quantised(Targets(plan.units).planes(cloud), steps, plan.units, 0.6)
+
+
+def octaves(cloud: GaussianCloud, **changes: frozenset[Attribute]) -> dict[Attribute, float]:
+    fixed = changes.get("fixed", frozenset())
+    return balanced_octaves(cloud, np.ones(cloud.num_gaussians), quantised(cloud), fixed)
+
+
+def test_errors_grow_with_the_square_of_steps() -> None:
+    cloud = ball()
+    light = np.ones(COUNT)
+    small = image_errors(cloud, light, quantised(cloud, 0.125).draw)
+    large = image_errors(cloud, light, quantised(cloud, 0.25).draw)
+    assert small.keys() == {a for a in Attribute if a <= Attribute.SH_1}
+    for attribute in small.keys() - {Attribute.POSITION}:
+        assert 3.0 < large[attribute] / small[attribute] < 5.0, attribute
+    # who swaps places shows at once
+    assert large[Attribute.POSITION] / small[Attribute.POSITION] < 4.5
+
+
+def test_what_cannot_be_seen_gets_coarser_steps() -> None:
+    # turns of balls show nothing, those of needles do
+    assert octaves(ball(ratio=1.0))[Attribute.ROTATION] == pytest.approx(1.2)
+    assert octaves(ball(ratio=20.0))[Attribute.ROTATION] < octaves(ball(ratio=2.0))[Attribute.ROTATION]
+    # one logit more or less of an opaque Gaussian is nothing
+    assert octaves(ball(alpha=0.999))[Attribute.OPACITY] > octaves(ball(alpha=0.5))[Attribute.OPACITY]
+
+
+def test_the_sum_of_errors_stays() -> None:
+    cloud = ball(ratio=5.0)
+    before, light = quantised(cloud), np.ones(COUNT)
+    found = octaves(cloud)
+    assert max(map(abs, found.values())) < 1.2, "limits hide what is tested"
+    steps = {a: step * 2.0 ** found[a] for a, step in before.steps.items()}
+    old = image_errors(cloud, light, before.draw)
+    new = image_errors(cloud, light, replace(before, steps=steps).draw)
+    assert sum(new.values()) == pytest.approx(sum(old.values()), rel=0.35)
+
+
+def test_fixed_attributes_are_left_alone() -> None:
+    found = octaves(ball(), fixed=frozenset({Attribute.OPACITY, Attribute.SH_1}))
+    assert found.keys() == {a for a in Attribute if a < Attribute.SH_1} - {Attribute.OPACITY}
+
+
+def test_bits_of_an_octave() -> None:
+    assert bits_per_octave(np.array([20.0]), 0.5) == pytest.approx(1.0, abs=0.02)
+    assert bits_per_octave(np.array([1e-6]), 0.5) < 0.05
+    sizes = np.geomspace(0.05, 5, 20)
+    slopes = [bits_per_octave(np.array([size]), 0.6) for size in sizes]
+    assert all(after > before - 0.02 for before, after in pairwise(slopes))
+
+
+def test_scenes_without_a_size_have_no_balance() -> None:
+    nowhere = replace(ball(count=40), positions=np.zeros((40, 3), np.float32))
+    assert octaves(nowhere) == {}
+    assert octaves(make_cloud(1)) == {}
+    unseen = ball(count=100)
+    assert balanced_octaves(unseen, np.zeros(100), quantised(unseen), frozenset()) == {}
+
+
+def plan_of(clouds: list[GaussianCloud], **options: object) -> SequencePlan:
+    return plan_sequence(MemorySource(clouds), EncoderOptions(**options))  # type: ignore[arg-type]
+
+
+def test_the_first_frame_decides_for_the_sequence() -> None:
+    cloud = ball(alpha=0.98)
+    still, moving = plan_of([cloud]), plan_of([cloud, cloud])
+    plain = plan_of([cloud, cloud], balance=False)
+    assert still.quantisation.graded_steps == moving.quantisation.graded_steps
+    assert still.steps == plain.steps, "a single frame has no P-frames to plan for"
+    assert moving.steps != plain.steps
+    assert moving.quantisation.graded_steps != plain.quantisation.graded_steps
+    assert plain.first_light is None
+
+
+def test_bounds_and_uniform_steps_are_kept() -> None:
+    cloud = ball()
+    bounds = (Bound("alpha", 0.01), Bound("position", 0.002))
+    bounded, plain = plan_of([cloud] * 2, bounds=bounds), plan_of([cloud] * 2, bounds=bounds, balance=False)
+    for attribute in (Attribute.OPACITY, Attribute.POSITION):
+        assert bounded.steps[attribute] == plain.steps[attribute]
+        assert bounded.quantisation.graded_steps[attribute] == plain.quantisation.graded_steps[attribute]
+    uniform = plan_of([cloud] * 2, visibility=False)
+    assert uniform.steps == plan_of([cloud] * 2, visibility=False, balance=False).steps
+
+
+def test_an_opaque_scene_gets_smaller(tmp_path: Path) -> None:
+    sizes = {}
+    for balance in (True, False):
+        path = tmp_path / f"{balance}.dgs"
+        encode_sequence([ball(alpha=0.995)], path, EncoderOptions(qp=24, balance=balance))
+        sizes[balance] = path.stat().st_size
+        assert ("/nobalance" in probe(path).encoder_info) is not balance
+    assert sizes[True] < sizes[False]
