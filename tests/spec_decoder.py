@@ -667,6 +667,7 @@ class Grading:
 
     coarse_log2: int
     levels: dict[int, int]
+    thin_octaves: int
 
 
 @dataclass
@@ -1170,7 +1171,8 @@ def graded_intra(
         return transposed(list(coded))
 
     planes: dict[int, Matrix] = {POSITION: []}
-    planes[SCALE] = columns(SCALE, [], [graded_step(header, SCALE, -COVER_WEIGHT * c) for c in cover])
+    coded = columns(SCALE, [], [graded_step(header, SCALE, -COVER_WEIGHT * c) for c in cover])
+    planes[SCALE] = in_range([thin_axis(row, header.grading.thin_octaves, exponents[SCALE]) for row in coded])
     # alpha plays no part in the steps of OPACITY
     looks = [look_of(s, 0, c, exponents) for s, c in zip(planes[SCALE], cover, strict=True)]
     steps = [graded_step(header, OPACITY, (look.area >> 1) - look.hidden) for look in looks]
@@ -1246,6 +1248,7 @@ def to_grid(value: float, exponent: int) -> int:
 
 
 KNOTS = (28, 42, 54, 66, 77, 88, 99)
+THIN_OCTAVE = 11
 
 
 def opacity_knots(e: int) -> tuple[Row, Row]:
@@ -1268,6 +1271,23 @@ def expand(c: int, e: int) -> int:
     logit_knots, companded_knots = opacity_knots(e)
     zone = sum(knot <= abs(c) for knot in companded_knots[1:])
     return sign(c) * (logit_knots[zone] + ((abs(c) - companded_knots[zone]) << zone))
+
+
+def expand_thinness(c: int, octaves: int, e: int) -> int:
+    """9.7."""
+    thin_knots = [i * (THIN_OCTAVE << (-4 - e)) for i in range(octaves + 1)]
+    flat_knots = [0]
+    for i in range(1, octaves + 1):
+        flat_knots.append(flat_knots[i - 1] + (thin_knots[1] >> (i - 1)))
+    zone = sum(knot <= abs(c) for knot in flat_knots[1:])
+    return sign(c) * (thin_knots[zone] + ((abs(c) - flat_knots[zone]) << zone))
+
+
+def thin_axis(row: Row, octaves: int, e: int) -> Row:
+    """9.7: the scales of a Gaussian from the values of its graded columns."""
+    if not octaves:
+        return row
+    return [row[0], row[1], row[1] - expand_thinness(row[2], octaves, e)]
 
 
 def float_quaternion(row: list[float]) -> Row:
@@ -2307,7 +2327,7 @@ class Frame:
 def sequence_header(fields: Fields) -> Sequence:
     version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
     require(
-        version == 8 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
+        version == 9 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
     )
     num_frames = fields.uvarint()
     fields.uvarint()
@@ -2363,7 +2383,7 @@ def sort_grid(fields: Fields) -> SortGrid:
 
 
 def intra_header(fields: Fields, sequence: Sequence) -> IntraHeader:
-    """5, from `sort_shift` to `visibility_level`."""
+    """5, from `sort_shift` to `thin_octaves`."""
     grid = sort_grid(fields)
     steps = {attribute: fields.uvarint() for attribute in sequence.attributes}
     require(all(1 <= step <= STATE_LIMIT for step in steps.values()))
@@ -2374,7 +2394,9 @@ def intra_header(fields: Fields, sequence: Sequence) -> IntraHeader:
     coarse_log2 = fields.u8()
     levels = {attribute: fields.svarint() for attribute in sequence.attributes}
     require(coarse_log2 <= 8 and all(abs(level) <= STATE_LIMIT for level in levels.values()))
-    return IntraHeader(grid, steps, Grading(coarse_log2, levels))
+    thin_octaves = fields.u8()
+    require(thin_octaves <= 8 and (not thin_octaves or sequence.exponents[SCALE] <= -11))
+    return IntraHeader(grid, steps, Grading(coarse_log2, levels, thin_octaves))
 
 
 def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof]:

@@ -731,7 +731,7 @@ def _random_task(rng: np.random.Generator, count: int, attributes: list[Attribut
     if rng.random() < 0.4:
         return frame_coding.IntraTask(symbols, grid, steps)
     levels = {attribute: int(rng.integers(-300, 500)) for attribute in attributes}
-    grading = Grading(int(rng.choice([0, 0, 1, 3, 8])), levels)
+    grading = Grading(int(rng.choice([0, 0, 1, 3, 8])), levels, int(rng.choice([0, 1, 6, 8])))
     planes = {a: np.cumsum(rng.integers(-900, 900, v.shape), axis=0) for a, v in symbols.planes.items()}
     planes[Attribute.ROTATION] = normalise(rng.integers(-(1 << 23), 1 << 23, (count, 4)))
     coarse, log2 = symbols.planes[Attribute.POSITION], grading.coarse_log2

@@ -24,6 +24,7 @@ from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     LEVELS,
     MAX_COARSE_LOG2,
+    MAX_THIN_OCTAVES,
     STATE_LIMIT,
     ChunkType,
     Compensation,
@@ -259,6 +260,11 @@ def _coarse(header: IntraHeader) -> IntraHeader:
     return replace(header, grading=replace(header.grading, coarse_log2=MAX_COARSE_LOG2 + 1))
 
 
+def _thin(header: IntraHeader) -> IntraHeader:
+    assert header.grading is not None
+    return replace(header, grading=replace(header.grading, thin_octaves=MAX_THIN_OCTAVES + 1))
+
+
 def _steps(value: int) -> Callable[[IntraHeader], IntraHeader]:
     return lambda header: replace(header, steps=dict.fromkeys(header.steps, value))
 
@@ -280,6 +286,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
         "step_0": (_changed_intra(valid, _steps(0)), "CorruptBitstream"),
         "step_too_large": (_changed_intra(valid, _steps(STATE_LIMIT + 1)), "LimitExceeded"),
         "coarse_positions": (_changed_intra(valid, _coarse), "LimitExceeded"),
+        "thin_axes": (_changed_intra(valid, _thin), "LimitExceeded"),
         "spare_words": (_changed_intra(valid, _longer, bytes(8)), "CorruptBitstream"),
         "spare_bytes": (_changed_intra(valid, lambda h: h, bytes(4)), "CorruptBitstream"),
         "coarse_opacity": (_with_opacity_unit(valid, -10), "LimitExceeded"),
@@ -337,7 +344,7 @@ def faulty_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
         "text_mode": (valid.replace(b"\r\n", b"\n", 1), "NotADgsFile"),
         "foreign_glps": (b"glps" + valid[4:], "NotADgsFile"),
         "trailing_bytes": (valid + b"more", "CorruptBitstream"),
-        "version_7": (_chunks_with(valid, _in_chunk(header, 0, 7)), "UnsupportedBitstream"),
+        "version_8": (_chunks_with(valid, _in_chunk(header, 0, 8)), "UnsupportedBitstream"),
         "version_200": (_chunks_with(valid, _in_chunk(header, 0, 200)), "UnsupportedBitstream"),
         "unknown_profile": (_chunks_with(valid, _in_chunk(header, 1, 9)), "UnsupportedBitstream"),
         "paper_profile": (_chunks_with(valid, _in_chunk(header, 1, 1)), "ModelMismatch"),

@@ -14,7 +14,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from dfcgs_codec import Bound, EncoderOptions, GaussianCloud, InputError, decode_sequence, probe
-from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder
+from dfcgs_codec.bitstream.constants import MAX_THIN_OCTAVES, Attribute, IntraKind, OutputOrder
 from dfcgs_codec.codec.visibility import MULTIPLIERS
 from dfcgs_codec.encoder.encoder import plan_sequence
 from dfcgs_codec.sequence import MemorySource, open_folder
@@ -85,6 +85,8 @@ def steps_of(frames: list[GaussianCloud], options: EncoderOptions) -> dict[Attri
     coarser = MULTIPLIERS[-1] / MULTIPLIERS[0] if options.visibility else 1.0
     if plan.is_graded:
         steps = {a: max(step, plan.quantisation.graded_steps[a]) for a, step in steps.items()}
+        # a thin axis: the error of how thin it is, companded, and that of axis 1
+        steps[Attribute.SCALE] *= 1 + (1 << MAX_THIN_OCTAVES)
     return {a: coarser * (step + 1) * 2.0 ** exponents.get(a, units.color) for a, step in steps.items()}
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 MAGIC = b"\x89DGS\r\n\x1a\n"
 #: first bytes of another package's `.dgs` files (dgs-py: one static scene with linear velocities)
 FOREIGN_MAGIC = b"glps"
-BITSTREAM_VERSION = 8
+BITSTREAM_VERSION = 9
 
 #: chunk types with this bit set may be skipped when unknown
 ANCILLARY_BIT = 0x80
@@ -29,6 +29,9 @@ MAX_SORT_BITS = 21
 MAX_SORT_SHIFT = 31
 #: octaves by which positions of a graded I-frame are coarser than their step at most
 MAX_COARSE_LOG2 = 8
+#: largest `thin_octaves`, and the coarsest grid of log-scales that octaves are told on
+MAX_THIN_OCTAVES = 8
+MAX_THIN_EXPONENT = -11
 #: streams of a graded I-frame that are no attribute's
 GRADED_STREAMS = ("COVER", "POSITION_BITS")
 #: log2 of the Gaussians in a significance block of a P-frame

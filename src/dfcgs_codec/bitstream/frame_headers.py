@@ -13,6 +13,8 @@ from dfcgs_codec.bitstream.constants import (
     MAX_CONTROL_SHIFT,
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
+    MAX_THIN_EXPONENT,
+    MAX_THIN_OCTAVES,
     MIN_BLOCK_LOG2,
     PROFILE_TOOLS,
     STATE_LIMIT,
@@ -120,11 +122,13 @@ def write_levels(writer: ByteWriter, levels: dict[Attribute, int]) -> None:
 class Grading:
     """How steps of an I-frame, or of births, follow visibility (spec section 9.6).
 
-    Positions are coarser by up to 2**`coarse_log2`; `levels` by attribute, sixteenths of an octave.
+    Positions are coarser by up to 2**`coarse_log2`; `levels` by attribute, sixteenths of an octave; axis 2
+    is companded over `thin_octaves` of its ratio to axis 1 (spec section 9.7).
     """
 
     coarse_log2: int
     levels: dict[Attribute, int]
+    thin_octaves: int
 
     @staticmethod
     def write(writer: ByteWriter, grading: Grading | None) -> None:
@@ -133,6 +137,7 @@ class Grading:
         if grading is not None:
             writer.u8(grading.coarse_log2)
             write_levels(writer, grading.levels)
+            writer.u8(grading.thin_octaves)
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> Grading | None:
@@ -143,7 +148,12 @@ class Grading:
         if sequence.profile == Profile.PAPER:
             raise CorruptBitstream("a graded I-frame in profile PAPER", offset=offset)
         coarse_log2 = read_bounded(reader.u8, MAX_COARSE_LOG2, "coarse_log2", reader)
-        return Grading(coarse_log2, read_levels(reader, coded_attributes(sequence.sh_degree)))
+        levels = read_levels(reader, coded_attributes(sequence.sh_degree))
+        offset = reader.offset
+        thin_octaves = read_bounded(reader.u8, MAX_THIN_OCTAVES, "thin_octaves", reader)
+        if thin_octaves and sequence.unit_exponents.scale > MAX_THIN_EXPONENT:
+            raise CorruptBitstream("thin axes on a grid as coarse as octaves", offset=offset)
+        return Grading(coarse_log2, levels, thin_octaves)
 
 
 def coded_attributes(sh_degree: int) -> list[Attribute]:

@@ -93,22 +93,17 @@ class GradedColumn:
     def code(self, coder: SymbolCoder, target: Target | None) -> Int64:
         """The column (N,), as decoded; it is added to `earlier`."""
         predictor = self._predictor(coder, target)
-        symbols: Int64 | None = None
-        contexts = np.zeros(0, np.uint8)
         if target is not None:
-            symbols, contexts = self._quantised(predictor, target)
-        found = symbols if symbols is not None else np.zeros(0, np.int64)
-        tables = coder.tables(NUM_CONTEXTS, lambda: (found, contexts))
+            return self._write(coder, predictor, target)
+        tables = coder.tables(NUM_CONTEXTS, lambda: (np.zeros(0, np.int64), np.zeros(0, np.uint8)))
 
-        def code_rows(rows: slice, _: Int64, contexts: UInt8) -> Int64:
-            return code_residuals(coder, None if symbols is None else symbols[rows], contexts, tables)
+        def code_rows(_: slice, __: Int64, contexts: UInt8) -> Int64:
+            return code_residuals(coder, None, contexts, tables)
 
-        values, residual = self._walk(predictor, code_rows)
-        self.earlier.add(residual)
-        return values
+        return self._walk(predictor, code_rows)
 
-    def _quantised(self, predictor: _Predictor, target: Target) -> tuple[Int64, UInt8]:
-        """Symbols and contexts of the whole column: the walk, with nothing coded."""
+    def _write(self, coder: SymbolCoder, predictor: _Predictor, target: Target) -> Int64:
+        """Quantise the column, walking it, then code what was found: tables come first in the stream."""
         symbols, known = np.zeros(len(self.steps), np.int64), np.zeros(len(self.steps), np.uint8)
 
         def quantise_rows(rows: slice, prediction: Int64, contexts: UInt8) -> Int64:
@@ -116,18 +111,24 @@ class GradedColumn:
             symbols[rows] = target.quantise(target.values[rows] - prediction, self.steps[rows])
             return symbols[rows]
 
-        self._walk(predictor, quantise_rows)
-        return symbols, known
+        values = self._walk(predictor, quantise_rows)
+        tables = coder.tables(NUM_CONTEXTS, lambda: (symbols, known))
+        for rows, _ in self._passes(predictor):
+            code_residuals(coder, symbols[rows], known[rows], tables)
+        return values
 
-    def _walk(
-        self, predictor: _Predictor, code_rows: Callable[[slice, Int64, UInt8], Int64]
-    ) -> tuple[Int64, Int64]:
-        """Values and residuals, pass by pass; `code_rows` gives the symbols of a pass."""
-        residuals, magnitudes = self.earlier.residuals, self.earlier.magnitudes
+    def _passes(self, predictor: _Predictor) -> list[tuple[slice, Level | None]]:
+        """Rows of each pass, and their level; the base has none."""
+        if not predictor.is_spatial:
+            return [(slice(None), None)]
+        return [(self.lod.base, None), *((level.rows, level) for level in self.lod.levels)]
+
+    def _walk(self, predictor: _Predictor, code_rows: Callable[[slice, Int64, UInt8], Int64]) -> Int64:
+        """The column's values, pass by pass; `code_rows` gives the symbols of a pass. Remembers residuals."""
         values = np.zeros(len(self.steps), np.int64)
         residual = np.zeros(len(self.steps), np.int64)
-
-        def code_pass(rows: slice, level: Level | None) -> None:
+        residuals, magnitudes = self.earlier.residuals, self.earlier.magnitudes
+        for rows, level in self._passes(predictor):
             found = None if level is None else level.statistics(values)
             steps = self.steps[rows]
             prediction = predictor.predict(found, [r[rows] for r in residuals], len(steps))
@@ -139,11 +140,8 @@ class GradedColumn:
             values[rows] = prediction + residual[rows]
             if len(steps) and max(values[rows].max(), -values[rows].min()) > STATE_LIMIT:
                 raise CorruptBitstream("a reconstructed value leaves the range of the state")
-
-        code_pass(self.lod.base if predictor.is_spatial else slice(None), None)
-        for level in self.lod.levels if predictor.is_spatial else ():
-            code_pass(level.rows, level)
-        return values, residual
+        self.earlier.add(residual)
+        return values
 
     def _predictor(self, coder: SymbolCoder, target: Target | None) -> _Predictor:
         known = np.zeros(0, np.int64) if target is None else target.values

@@ -30,10 +30,13 @@ from dfcgs_codec.codec.visibility import (
 )
 from dfcgs_codec.entropy.symbols import code_bits
 from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.transform.companding import compress_thinness, expand_thinness
 from dfcgs_codec.transform.lod import LevelsOfDetail, build_levels
 
 #: largest cover class
 MAX_COVER = 15
+#: the axis that may be companded
+_THIN_AXIS = 2
 #: steps of turns count as no larger than this, in stereographic units
 MAX_TURN_STEP = 1 << 16
 
@@ -86,6 +89,29 @@ class _Walk:
                 wanted = Target(target.planes[attribute][:, column], target.quantise[attribute])
             found.append(GradedColumn(steps, self.lod, earlier).code(coder, wanted))
         self.planes[attribute] = np.stack(found, axis=1)
+
+    def scales(self, weights: Int64) -> None:
+        """Code the scales: axis 2 by how thin it is beside axis 1, which is there by then (spec 9.7)."""
+        coder, target, shape = self.next_coder(), self.target, self.shape
+        steps = steps_of(shape.steps[Attribute.SCALE], shape.grading.levels[Attribute.SCALE], weights)
+        octaves, exponent = shape.grading.thin_octaves, shape.units.scale
+        earlier = Earlier()
+        found: list[Int64] = []
+        for column in range(STATE_COLUMNS[Attribute.SCALE]):
+            is_thin = octaves > 0 and column == _THIN_AXIS
+            wanted = None
+            if target is not None:
+                values = target.planes[Attribute.SCALE][:, column]
+                if is_thin:
+                    values = compress_thinness(found[-1] - values, exponent, octaves)
+                wanted = Target(values, target.quantise[Attribute.SCALE])
+            coded = GradedColumn(steps, self.lod, earlier).code(coder, wanted)
+            if is_thin:
+                coded = found[-1] - expand_thinness(coded, exponent, octaves)
+                if np.abs(coded).max() > STATE_LIMIT:
+                    raise CorruptBitstream("a reconstructed value leaves the range of the state")
+            found.append(coded)
+        self.planes[Attribute.SCALE] = np.stack(found, axis=1)
 
     def cover(self) -> Int64:
         """Code the cover classes."""
@@ -149,7 +175,7 @@ def code_graded(
         places = None if target is None else target.permutation
         order = Plane(code_permutation(next_coder(), places, walk.lod, count)[:, None])
     cover = walk.cover()
-    walk.columns(Attribute.SCALE, IntraWeights.of_cover(cover), Earlier())
+    walk.scales(IntraWeights.of_cover(cover))
     axes = axes_of(walk.planes[Attribute.SCALE], shape.units.scale)
     walk.columns(Attribute.OPACITY, (IntraWeights.area(axes) >> 1) + IntraWeights.of_cover(cover), Earlier())
     alpha = alpha_weights(walk.planes[Attribute.OPACITY][:, 0], shape.units.opacity)

@@ -19,7 +19,7 @@ from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.encoder.sensitivity import image_errors
 from dfcgs_codec.encoder.splats import Splats, alpha_of, deviations, rotation_matrices
 from dfcgs_codec.gaussians import GaussianCloud
-from dfcgs_codec.transform.companding import expand
+from dfcgs_codec.transform.companding import compress_thinness, expand, expand_thinness
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE
 
 Int64 = npt.NDArray[np.int64]
@@ -44,14 +44,15 @@ _LEAST_SYMBOL = 0.03
 class Quantised:
     """Gaussians and their steps: what can be drawn of them, with one attribute quantised or none.
 
-    `planes` (N, C) and `steps` (N, 1), of turns about the axes (N, 3), in grid units; symbols below
-    `zero_bin` are zero.
+    `planes` (N, C) and `steps` (N, 1), of axes and turns about them (N, 3), in grid units; symbols below
+    `zero_bin` are zero; axis 2 is companded over `thin_octaves`.
     """
 
     planes: Mapping[Attribute, Int64]
     steps: Mapping[Attribute, Float64]
     units: UnitExponents
     zero_bin: float
+    thin_octaves: int = 0
 
     def draw(self, rows: Int64) -> tuple[Splats, dict[Attribute, Splats]]:
         """Some of them as they are, and by attribute with that one quantised."""
@@ -83,8 +84,10 @@ class Quantised:
         if attribute == Attribute.POSITION:
             return replace(splats, positions=splats.positions + errors * 2.0**self.units.position)
         if attribute == Attribute.SCALE:
-            factors = np.exp(errors * 2.0**self.units.scale)
-            return replace(splats, deviations=splats.deviations * factors)
+            scales = planes[attribute] + (random.random((len(rows), 3)) - 0.5) * steps[:, :1]
+            if self.thin_octaves:
+                scales[:, 2] = scales[:, 1] - self._thinness(planes[attribute], errors[:, 0])
+            return replace(splats, deviations=deviations(scales * 2.0**self.units.scale))
         if attribute == Attribute.OPACITY:
             values = planes[attribute] + np.rint(errors[:, :1]).astype(np.int64)
             return replace(splats, alpha=self._alpha(values))
@@ -100,6 +103,12 @@ class Quantised:
         symbols = values + (random.random(values.shape) - 0.5) * size
         errors: Float64 = np.where(np.abs(symbols) < self.zero_bin, 0.0, np.rint(symbols)) - symbols
         return errors
+
+    def _thinness(self, scales: Int64, errors: Float64) -> Int64:
+        """How much longer axis 1 is than axis 2, (rows,), with `errors` (rows,) where it is companded."""
+        exponent, octaves = self.units.scale, self.thin_octaves
+        companded = compress_thinness(scales[:, 1] - scales[:, 2], exponent, octaves)
+        return expand_thinness(companded + np.rint(errors).astype(np.int64), exponent, octaves)
 
     def _alpha(self, values: Int64) -> Float64:
         return alpha_of(expand(values[:, 0], self.units.opacity) * 2.0**self.units.opacity)

@@ -147,17 +147,18 @@ def fit_weights(features: Sequence[AnyReal], goal: AnyReal) -> Int64:
     """Q8 weights (len(features),) of the least-squares prediction; those that do not pay are 0."""
     weights = np.zeros(len(features), np.int64)
     stride = max(1, len(goal) // _MAX_FIT_ROWS)
-    matrix = np.stack([f[::stride] for f in features], axis=1).astype(np.float64)
+    matrix = np.stack([f[::stride] for f in features]).astype(np.float64)
     target = goal[::stride].astype(np.float64)
+    gram, cross, total = matrix @ matrix.T, matrix @ target, float(target @ target)
     costs = np.full(len(features), _WEIGHT_COST)
     costs[0] = max(_WEIGHT_COST, _NEIGHBOUR_COST * len(goal))
-    power = (matrix * matrix).mean(axis=0) if len(target) else np.zeros(len(features))
+    power = np.diag(gram) / max(len(target), 1)
     alive = np.flatnonzero(power > 0)
     while len(alive):
-        part = matrix[:, alive]
-        gram = part.T @ part + np.diag(1e-3 * power[alive] * 1e-3 * len(target) + 1e-9)
-        solution = np.linalg.solve(gram, part.T @ target)
-        remaining = float(np.mean((target - part @ solution) ** 2)) + 1.0 / 12
+        part, wanted = gram[np.ix_(alive, alive)], cross[alive]
+        solution = np.linalg.solve(part + np.diag(1e-6 * power[alive] * len(target) + 1e-9), wanted)
+        left = total - 2 * solution @ wanted + solution @ part @ solution
+        remaining = max(float(left), 0.0) / len(target) + 1.0 / 12
         saved = 0.5 * len(goal) * np.log2(1 + solution**2 * power[alive] / remaining)
         keep = saved > costs[alive]
         if keep.all():

@@ -26,6 +26,7 @@ from dfcgs_codec.encoder.analysis import Planes, ZeroBin, order_of, plan_grid
 from dfcgs_codec.encoder.canonical import AxisNames
 from dfcgs_codec.encoder.cover import cover_classes
 from dfcgs_codec.encoder.rate_control import Quantisation
+from dfcgs_codec.transform.companding import thin_octaves
 from dfcgs_codec.transform.lod import build_levels
 from dfcgs_codec.transform.rotation import CELLS, ONE, STEREO_ONE, multiply, round_divide
 
@@ -37,6 +38,8 @@ GRADED_RANK = 0.9
 #: the same in P-frames; with 0.9 whole files are 1 % smaller at equal PSNR, but P-frames more than 1 dB below
 #: I-frames of the same QP
 _INTER_RANK = 0.8
+#: octaves over which thin axes count less and less
+_THIN_OCTAVES = 6
 #: positions are coarser by up to the octaves of this share of the Gaussians, and this many
 _COARSE_RANK = 0.98
 _MOST_COARSE = 4
@@ -65,7 +68,8 @@ class GradedPlan:
         levels |= dict.fromkeys(quantisation.bounded & levels.keys(), -STATE_LIMIT)
         octaves = coarse_octaves(levels[Attribute.POSITION], known[Attribute.POSITION], _MOST_COARSE)
         coarse = int(np.quantile(octaves, _COARSE_RANK, method="lower"))
-        return GradedPlan(cover, Grading(coarse, levels))
+        thin = 0 if Attribute.SCALE in quantisation.bounded else _THIN_OCTAVES
+        return GradedPlan(cover, Grading(coarse, levels, thin))
 
     def order(self, positions: Int64, quantisation: Quantisation) -> tuple[Int64, SortGrid]:
         """Canonical order of `positions` (N, 3) in grid units, and the sort grid."""
@@ -93,7 +97,10 @@ class GradedPlan:
 def steps_in_intra_frame(
     frame: FrameState, units: UnitExponents, grading: Grading, steps: Mapping[Attribute, int]
 ) -> dict[Attribute, Int64]:
-    """Steps (N, 1) that Gaussians like those of `frame` have in an I-frame; (N, 3) of turns about axes."""
+    """Steps (N, 1) that Gaussians like those of `frame` have in an I-frame.
+
+    Of axes, and of turns about them, (N, 3).
+    """
     planes, levels, cover = frame.planes, grading.levels, frame.covers()
     axes = axes_of(planes[Attribute.SCALE].values, units.scale)
     weights = IntraWeights(cover, axes, alpha_weights(planes[Attribute.OPACITY].wide()[:, 0], units.opacity))
@@ -101,6 +108,10 @@ def steps_in_intra_frame(
     known[Attribute.SCALE] = weights.of_cover(cover)
     known[Attribute.OPACITY] = (weights.area(axes) >> 1) + weights.of_cover(cover)
     found = {a: steps_of(steps[a], levels[a], w)[:, None] for a, w in known.items()}
+    if grading.thin_octaves:
+        scales = planes[Attribute.SCALE].wide()
+        by = thin_octaves(scales[:, 1] - scales[:, 2], units.scale, grading.thin_octaves)
+        found[Attribute.SCALE] = found[Attribute.SCALE] << (by[:, None] * np.array([0, 0, 1]))
     shown = weights.of(Attribute.POSITION)
     octaves = coarse_octaves(levels[Attribute.POSITION], shown, grading.coarse_log2)
     found[Attribute.POSITION] = (steps[Attribute.POSITION] << octaves)[:, None]

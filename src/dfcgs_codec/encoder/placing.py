@@ -73,7 +73,7 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
     state = FrameState({a: Plane(plane) for a, plane in planes.items()}, cover=cover)
     steps = steps_in_intra_frame(state, units, placing.graded.grading, quantisation.graded_steps)
     real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
-    drawn = Quantised(planes, real, units, plan.options.intra_zero_bin)
+    drawn = Quantised(planes, real, units, plan.options.intra_zero_bin, placing.graded.grading.thin_octaves)
     graded = balanced_octaves(first, found, drawn, bounded)
     inter: dict[Attribute, float] = {}
     if plan.header.num_frames > 1:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +26,8 @@ from dfcgs_codec.bitstream.constants import (
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
     MAX_TEMPORAL_WEIGHT,
+    MAX_THIN_EXPONENT,
+    MAX_THIN_OCTAVES,
     MIN_BLOCK_LOG2,
     MIN_LATENT_STEP_LOG2,
     PROFILE_TOOLS,
@@ -116,6 +119,7 @@ GRADINGS = st.builds(
     Grading,
     st.integers(0, MAX_COARSE_LOG2),
     st.fixed_dictionaries(dict.fromkeys(coded_attributes(SMALL.sh_degree), st.integers(-900, STATE_LIMIT))),
+    st.integers(0, MAX_THIN_OCTAVES),
 )
 SORT_GRIDS = st.builds(
     SortGrid,
@@ -392,9 +396,14 @@ GRADED = {"lengths": (0,) * 9}
         ({"control": ControlHeader(ControlRule.STRIDE, 0, 6)}, CorruptBitstream, "control_spacing is 0"),
         ({"control": ControlHeader(ControlRule.STRIDE, 9, 32)}, LimitExceeded, "control_shift"),
         ({"control": ControlHeader(2, 9, 6)}, UnsupportedBitstream, "control_rule"),
-        ({"grading": Grading(MAX_COARSE_LOG2 + 1, LEVELS_OF_TWO), **GRADED}, LimitExceeded, "coarse_log2"),
         (
-            {"grading": Grading(0, LEVELS_OF_TWO | {Attribute.SH_2: STATE_LIMIT + 1}), **GRADED},
+            {"grading": Grading(0, LEVELS_OF_TWO, MAX_THIN_OCTAVES + 1), **GRADED},
+            LimitExceeded,
+            "thin_octaves",
+        ),
+        ({"grading": Grading(MAX_COARSE_LOG2 + 1, LEVELS_OF_TWO, 0), **GRADED}, LimitExceeded, "coarse_log2"),
+        (
+            {"grading": Grading(0, LEVELS_OF_TWO | {Attribute.SH_2: STATE_LIMIT + 1}, 0), **GRADED},
             LimitExceeded,
             "visibility_level",
         ),
@@ -403,6 +412,14 @@ GRADED = {"lengths": (0,) * 9}
 def test_intra_header_refuses(changes: dict[str, Any], error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         IntraHeader.read(ByteReader(write(intra_header(**changes))), SMALL)
+
+
+def test_thin_axes_need_a_grid_that_octaves_can_be_told_on() -> None:
+    data = write(intra_header(grading=Grading(0, LEVELS_OF_TWO, 1), **GRADED))
+    for exponent, is_fine in ((MAX_THIN_EXPONENT, True), (MAX_THIN_EXPONENT + 1, False)):
+        sequence = replace(SMALL, unit_exponents=replace(SMALL.unit_exponents, scale=exponent))
+        with nullcontext() if is_fine else pytest.raises(CorruptBitstream, match="thin axes"):
+            IntraHeader.read(ByteReader(data), sequence)
 
 
 def test_inter_header_refuses_attributes_that_the_sequence_lacks() -> None:

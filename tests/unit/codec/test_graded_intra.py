@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dfcgs_codec.bitstream.constants import MAX_COARSE_LOG2, Attribute
-from dfcgs_codec.bitstream.frame_headers import Grading, coded_attributes
+from dfcgs_codec.bitstream.constants import MAX_COARSE_LOG2, MAX_THIN_OCTAVES, STATE_LIMIT, Attribute
+from dfcgs_codec.bitstream.frame_headers import coded_attributes
 from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.codec.graded_intra import MAX_COVER, GradedShape, GradedTarget, code_graded
 from dfcgs_codec.codec.intra import IntraShape
@@ -14,10 +14,11 @@ from dfcgs_codec.codec.symbol_reader import SymbolReader
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.canonical import choose_axis_names
 from dfcgs_codec.encoder.grading import GradedPlan, steps_in_intra_frame
-from dfcgs_codec.encoder.rate_control import plan_quantisation
+from dfcgs_codec.encoder.rate_control import Bound, plan_quantisation
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.transform.companding import thin_octaves
 from tests.helpers import clustered_cloud, make_cloud, real_cloud
 
 
@@ -33,7 +34,7 @@ def task(
         cover = np.random.default_rng(7).uniform(0, 5, count)
     plan = GradedPlan.of(planes, cover, quantisation)
     if coarse_log2 is not None:
-        plan = replace(plan, grading=Grading(coarse_log2, plan.grading.levels))
+        plan = replace(plan, grading=replace(plan.grading, coarse_log2=coarse_log2))
     order, grid = plan.order(planes[Attribute.POSITION], quantisation)
     target = plan.target({a: v[order] for a, v in planes.items()}, order, quantisation, 0.5)
     shape = IntraShape(count, coded_attributes(cloud.sh_degree), False, grid)
@@ -79,13 +80,59 @@ def test_every_value_is_within_half_its_step() -> None:
     target, shape = task(real_cloud(1500))
     _, state = write(target, shape)
     steps = steps_in_intra_frame(state, shape.units, shape.grading, shape.steps)
+    scales, wanted = (
+        p[Attribute.SCALE] for p in ({a: p.wide() for a, p in state.planes.items()}, target.planes)
+    )
     for attribute, plane in state.planes.items():
-        if attribute != Attribute.ROTATION:
+        if attribute == Attribute.SCALE:
+            assert (2 * np.abs(scales - wanted)[:, :2] <= steps[attribute][:, :2] + 1).all()
+            # how thin: to the decoded axis 1, in zones as wide as the coarser of the two
+            exact, exponent = scales[:, 1] - wanted[:, 2], shape.units.scale
+            error, zones = np.abs(scales[:, 2] - wanted[:, 2]), thin_octaves(exact, exponent, 6)
+            assert (
+                2 * error <= np.maximum(steps[attribute][:, 2], steps[attribute][:, 0] << zones) + 128
+            ).all()
+        elif attribute != Attribute.ROTATION:
             error = np.abs(plane.wide() - target.planes[attribute])
             assert (2 * error <= steps[attribute] + 1).all(), attribute
     # and not all have the same
     for attribute in (Attribute.POSITION, Attribute.SCALE, Attribute.OPACITY, Attribute.SH_DC):
         assert len(np.unique(steps[attribute])) > 1
+
+
+def test_thin_axes_cost_less_the_thinner_they_are() -> None:
+    cloud = real_cloud(1500)
+    scales = np.sort(cloud.scales, axis=1)[:, ::-1]
+    spread = np.random.default_rng(3).uniform(0, 5, 1500)
+    thin = replace(
+        cloud, scales=np.stack([scales[:, 0], scales[:, 1], scales[:, 1] - spread], axis=1).astype(np.float32)
+    )
+    target, shape = task(thin)
+    assert shape.grading.thin_octaves == 6
+    plain = replace(shape, grading=replace(shape.grading, thin_octaves=0))
+    stream = 2
+    assert len(write(target, shape)[0][stream]) < 0.9 * len(write(target, plain)[0][stream])
+    same = {a: p.values for a, p in write(target, plain)[1].planes.items()}
+    assert np.array_equal(
+        same[Attribute.SCALE][:, :2], write(target, shape)[1].planes[Attribute.SCALE].values[:, :2]
+    )
+
+
+def test_thin_axes_out_of_range_are_refused() -> None:
+    target, shape = task(make_cloud(200))
+    planes = dict(target.planes)
+    planes[Attribute.SCALE] = planes[Attribute.SCALE].copy()
+    planes[Attribute.SCALE][5, 2] = -2 * STATE_LIMIT
+    shape = replace(shape, grading=replace(shape.grading, thin_octaves=MAX_THIN_OCTAVES))
+    with pytest.raises(CorruptBitstream, match="leaves the range"):
+        write(replace(target, planes=planes), shape)
+
+
+def test_bounded_scales_are_not_companded() -> None:
+    cloud = real_cloud(300)
+    quantisation = plan_quantisation(28, (Bound("scale", 0.01),), cloud, 100.0)
+    planes = {a: p.wide() for a, p in state_of(cloud, quantisation.units).planes.items()}
+    assert GradedPlan.of(planes, np.zeros(300), quantisation).grading.thin_octaves == 0
 
 
 def test_covered_gaussians_are_coarser() -> None:

@@ -6,8 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from dfcgs_codec.bitstream.constants import MAX_OPACITY_EXPONENT
-from dfcgs_codec.transform.companding import ALPHA_PER_UNIT, KNOTS, compress, expand
+from dfcgs_codec.bitstream.constants import MAX_OPACITY_EXPONENT, MAX_THIN_EXPONENT, MAX_THIN_OCTAVES
+from dfcgs_codec.transform.companding import (
+    ALPHA_PER_UNIT,
+    KNOTS,
+    compress,
+    compress_thinness,
+    expand,
+    expand_thinness,
+    thin_octaves,
+)
 
 EXPONENTS = [MAX_OPACITY_EXPONENT, -12, -16]
 
@@ -69,3 +77,23 @@ def test_extremes_of_the_state_do_not_overflow() -> None:
     found = expand(np.array([limit, -limit]), -12) * 2.0**-12
     assert found[0] == -found[1]
     assert found[0] > 10**6
+
+
+@pytest.mark.parametrize("octaves", [0, 1, 6, MAX_THIN_OCTAVES])
+@pytest.mark.parametrize("exponent", [MAX_THIN_EXPONENT, -16, -60])
+def test_thinness_comes_back_within_half_its_slope(exponent: int, octaves: int) -> None:
+    logs = np.random.default_rng(1).integers(-(2**29), 2**29, 3000) >> np.arange(3000) % 30
+    back = expand_thinness(compress_thinness(logs, exponent, octaves), exponent, octaves)
+    # where rounding leads to the next zone, its grid is twice as wide
+    slope = 1 << np.minimum(thin_octaves(logs, exponent, octaves) + 1, octaves)
+    assert (2 * np.abs(back - logs) <= slope).all()
+    assert octaves or np.array_equal(back, logs)
+
+
+def test_a_step_is_worth_twice_as_much_after_each_octave() -> None:
+    exponent, octave = -14, np.log(2) * 2.0**14
+    logs = (np.arange(8) * octave + octave / 2).astype(np.int64)
+    slopes = (compress_thinness(logs + 256, exponent, 6) - compress_thinness(logs, exponent, 6)) / 256
+    assert np.allclose(slopes, 2.0 ** -np.array([0, 1, 2, 3, 4, 5, 6, 6]))
+    assert thin_octaves(logs, exponent, 6).tolist() == [0, 1, 2, 3, 4, 5, 6, 6]
+    assert thin_octaves(-logs, exponent, 6).tolist() == [0, 1, 2, 3, 4, 5, 6, 6]
