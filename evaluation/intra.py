@@ -35,6 +35,7 @@ QPS = (2, 6, 10, 14, 18, 22, 26, 30, 34, 40)
 #: our curves: options behind the QP
 CURVES: dict[str, list[str]] = {
     "graded": [],
+    "no balance": ["--balance", "off"],
     "no cover": ["--cover", "off"],
     "uniform": ["--steps", "uniform"],
 }

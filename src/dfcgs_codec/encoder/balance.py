@@ -16,9 +16,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.encoder.sensitivity import image_errors
 from dfcgs_codec.encoder.splats import Splats, alpha_of, deviations, rotation_matrices
-from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.companding import compress_thinness, expand, expand_thinness
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE
 
@@ -138,17 +136,18 @@ def bits_per_octave(sizes: Float64, zero_bin: float) -> float:
 
 
 def balanced_octaves(
-    cloud: GaussianCloud, light: Float64, quantised: Quantised, fixed: frozenset[Attribute]
+    errors: Mapping[Attribute, float], quantised: Quantised, fixed: frozenset[Attribute]
 ) -> dict[Attribute, float]:
     """Octaves by which steps of attributes are to be coarser; those of `fixed` ones are as they are.
 
-    `light` (N,) is the share of light that reaches each Gaussian; none where nothing can be seen.
+    `errors` are those that each attribute makes with the steps it has (`image_errors`); none where nothing
+    can be seen.
     """
-    errors = image_errors(cloud, light, quantised.draw)
-    rows = np.arange(0, cloud.num_gaussians, max(1, cloud.num_gaussians // _MOST_ROWS))
     least = _LEAST_SHARE * sum(errors.values())
     if least <= 0.0:
         return {}
+    count = len(quantised.planes[Attribute.POSITION])
+    rows = np.arange(0, count, max(1, count // _MOST_ROWS))
     slopes, gains = {}, {}
     for attribute in errors.keys() - fixed:
         columns = 3 if attribute == Attribute.ROTATION else STATE_COLUMNS[attribute]
@@ -161,3 +160,12 @@ def balanced_octaves(
     total = np.log2(sum(gains.values()) / sum(slopes.values()))
     octaves = {a: 0.5 * (total + np.log2(slopes[a] / gains[a])) for a in sorted(slopes)}
     return {a: float(np.clip(octave, -_MOST_OCTAVES, _MOST_OCTAVES)) for a, octave in octaves.items()}
+
+
+def no_worse(
+    octaves: Mapping[Attribute, float], errors: Mapping[Attribute, float], limit: float
+) -> dict[Attribute, float]:
+    """The same octaves, all less by as much as keeps the sum of all errors below `limit`."""
+    expected = sum(error * 4.0 ** octaves.get(a, 0.0) for a, error in errors.items())
+    less = max(0.0, 0.5 * float(np.log2(expected / limit))) if expected > 0.0 and limit > 0.0 else 0.0
+    return {attribute: octave - less for attribute, octave in octaves.items()}

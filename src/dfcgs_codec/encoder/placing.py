@@ -12,11 +12,12 @@ from dfcgs_codec.bitstream.frame_headers import SortGrid
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.visibility import MULTIPLIER_BITS, Visibility
 from dfcgs_codec.encoder.analysis import Planes, order_of, plan_grid
-from dfcgs_codec.encoder.balance import Quantised, balanced_octaves
+from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, no_worse
 from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
 from dfcgs_codec.encoder.cover import cover_of, light
 from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.sensitivity import image_errors
 from dfcgs_codec.encoder.targets import Targets
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.rotation import round_divide
@@ -27,6 +28,9 @@ Float64 = npt.NDArray[np.float64]
 #: share of what the first frame says that is believed of P-frames: errors there are not larger than what
 #: changes, and nobody knows yet what will
 _INTER_SHARE = 0.5
+#: errors of P-frames, if everything changed by more than its step, to those of I-frames, at most: 4.5 dB.
+#: Where everything trembles, P-frames are then less than 1 dB below I-frames
+_INTER_ERROR = 2.8
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,8 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
     steps = steps_in_intra_frame(state, units, placing.graded.grading, quantisation.graded_steps)
     real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
     drawn = Quantised(planes, real, units, plan.options.intra_zero_bin, placing.graded.grading.thin_octaves)
-    graded = balanced_octaves(first, found, drawn, bounded)
+    errors = image_errors(first, found, drawn.draw)
+    graded = balanced_octaves(errors, drawn, bounded)
     inter: dict[Attribute, float] = {}
     if plan.header.num_frames > 1:
         visibility = Visibility(state, units)
@@ -84,6 +89,8 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
             for a, by in coarser.items()
         }
         drawn = Quantised(planes, real, units, plan.options.zero_bin)
-        octaves = balanced_octaves(first, found, drawn, bounded)
-        inter = {attribute: _INTER_SHARE * octave for attribute, octave in octaves.items()}
+        limit = _INTER_ERROR * sum(errors.values())
+        errors = image_errors(first, found, drawn.draw)
+        inter = {a: _INTER_SHARE * octave for a, octave in balanced_octaves(errors, drawn, bounded).items()}
+        inter = no_worse(inter, errors, limit)
     return replace(plan, quantisation=quantisation.balanced(graded, inter), first_light=found)

@@ -9,7 +9,7 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, bits_per_octave
+from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, bits_per_octave, no_worse
 from dfcgs_codec.encoder.encoder import plan_sequence
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.rate_control import Bound, plan_quantisation
@@ -53,7 +53,8 @@ def quantised(cloud: GaussianCloud, coarser: float = 1.0) -> Quantised:
 
 def octaves(cloud: GaussianCloud, **changes: frozenset[Attribute]) -> dict[Attribute, float]:
     fixed = changes.get("fixed", frozenset())
-    return balanced_octaves(cloud, np.ones(cloud.num_gaussians), quantised(cloud), fixed)
+    drawn = quantised(cloud)
+    return balanced_octaves(image_errors(cloud, np.ones(cloud.num_gaussians), drawn.draw), drawn, fixed)
 
 
 def test_errors_grow_with_the_square_of_steps() -> None:
@@ -105,7 +106,18 @@ def test_scenes_without_a_size_have_no_balance() -> None:
     assert octaves(nowhere) == {}
     assert octaves(make_cloud(1)) == {}
     unseen = ball(count=100)
-    assert balanced_octaves(unseen, np.zeros(100), quantised(unseen), frozenset()) == {}
+    assert image_errors(unseen, np.zeros(100), quantised(unseen).draw) == {}
+    assert balanced_octaves({}, quantised(unseen), frozenset()) == {}
+
+
+def test_errors_are_kept_below_a_limit() -> None:
+    errors = {Attribute.SCALE: 1.0, Attribute.OPACITY: 3.0}
+    octaves = {Attribute.SCALE: 0.5, Attribute.OPACITY: 0.0}
+    assert no_worse(octaves, errors, 5.0) == octaves
+    less = no_worse(octaves, errors, 2.0)
+    assert sum(errors[a] * 4.0 ** less[a] for a in errors) == pytest.approx(2.0)
+    assert less[Attribute.SCALE] - less[Attribute.OPACITY] == pytest.approx(0.5)
+    assert no_worse({}, {}, 0.0) == {}
 
 
 def plan_of(clouds: list[GaussianCloud], **options: object) -> SequencePlan:
