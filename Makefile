@@ -13,7 +13,7 @@ DEMO := out/demo
 
 .DEFAULT_GOAL := help
 .PHONY: help env env-eval env-train demo test test-evaluation test-training train train-prior check format golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-since bench-identity bench-smooth drift stress allocation charts fitted
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-since bench-identity bench-smooth drift stress allocation charts fitted
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -111,6 +111,9 @@ bench-smooth: env-eval ## smooth scenes of 60 frames against quantised delta + z
 
 bench-intra: env-eval ## I-frames alone against SPZ, SOG and themselves without grading (half an hour)
 	$(BIN)/python -m evaluation.intra
+
+bench-refresh: env-eval ## an I-frame now and then, a P-frame that mends everything, or neither (half an hour)
+	$(BIN)/python -m evaluation.refresh
 
 bench-since: env-eval ## BD-rate of our curves against those of another commit: make bench-since COMMIT=...
 	$(BIN)/python -m evaluation.since $(COMMIT)
