@@ -29,7 +29,7 @@ from dfcgs_codec.encoder.frame_coding import (
     TopologyChange,
     code_inter_frame,
 )
-from dfcgs_codec.encoder.grading import inter_levels, steps_in_intra_frame
+from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
 from dfcgs_codec.encoder.options import MotionMode
@@ -38,6 +38,8 @@ from dfcgs_codec.encoder.prior_choice import PriorChoice
 from dfcgs_codec.encoder.spread_motion import spread_header, spread_motion
 from dfcgs_codec.encoder.targets import ordered
 from dfcgs_codec.transform.rotation import round_divide
+
+Int64 = npt.NDArray[np.int64]
 
 #: motion that seems to save less than this share of the bits is compared with none for real
 _SURE_SHARE = 0.15
@@ -91,8 +93,7 @@ class InterCoder:
 
     def births(self, succession: Succession, planes: Planes, state: GofState) -> Births | None:
         """The change of topology since `state`, or None where all go on."""
-        options, steps = self._plan.options, self._plan.steps
-        rows = succession.births
+        options, rows = self._plan.options, succession.births
         if succession.all_survive and not len(rows):
             in_place = np.array_equal(succession.members.rows, state.expected_places())
             if in_place or options.order != OutputOrder.INPUT:
@@ -101,20 +102,36 @@ class InterCoder:
         names = None
         if len(rows):
             born = ordered(planes, rows)
-            indices = round_divide(born[Attribute.POSITION], steps[Attribute.POSITION])
-            grid = plan_grid(indices)
-            order = order_of(indices, grid)
-            rows, born = rows[order], ordered(born, order)
             if succession.members.names is not None:
                 names = choose_axis_names(born)
                 born = names.rename(born)
-            target = born
-            task = IntraTask(intra_symbols(born, steps, None), grid, steps)
+            order, task = self._birth_task(born)
+            rows, target = rows[order], ordered(born, order)
+            names = None if names is None else names.take(order)
         inputs = None
         if options.order == OutputOrder.INPUT:
             inputs = np.concatenate([succession.members.rows, rows])
         change = TopologyChange(succession.kept, succession.num_before, task, inputs)
         return Births(change, Members(rows, names), target)
+
+    def _birth_task(self, born: Planes) -> tuple[Int64, IntraTask]:
+        """Canonical order of Gaussians that come, `born` in the input's, and how they are coded.
+
+        Graded as those of an I-frame are; nothing is said of what lies before them.
+        """
+        quantisation, positions = self._plan.quantisation, born[Attribute.POSITION]
+        if self._plan.is_graded:
+            graded = GradedPlan.of(born, np.zeros(len(positions)), quantisation)
+            order, grid = graded.order(positions, quantisation)
+            wanted = graded.target(
+                ordered(born, order), order, quantisation, self._plan.options.intra_zero_bin
+            )
+            return order, IntraTask(wanted, grid, quantisation.graded_steps, graded.grading)
+        indices = round_divide(positions, self._plan.steps[Attribute.POSITION])
+        grid = plan_grid(indices)
+        order = order_of(indices, grid)
+        symbols = intra_symbols(ordered(born, order), self._plan.steps, None)
+        return order, IntraTask(symbols, grid, self._plan.steps)
 
     def _coded(self, task: InterTask, trial: MotionTrial | None) -> CodedFrame:
         quantisation, options = self._plan.quantisation, self._plan.options

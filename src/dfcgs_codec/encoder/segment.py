@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder, Profile
+from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import Planes, intra_symbols
 from dfcgs_codec.encoder.canonical import AxisNames
@@ -25,7 +26,7 @@ from dfcgs_codec.encoder.frame_coding import (
 )
 from dfcgs_codec.encoder.grading import settled_names
 from dfcgs_codec.encoder.identity import Members, Succession, found_members, same_members
-from dfcgs_codec.encoder.inter_coding import InterCoder, InterTask
+from dfcgs_codec.encoder.inter_coding import Births, InterCoder, InterTask
 from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionHint
 from dfcgs_codec.encoder.placing import Placing
@@ -186,11 +187,24 @@ class SegmentEncoder:
         target = task.target
         if births is not None and coded.source is not None:
             source = coded.source
-            members = members.merge(births.members, source)
-            target = {a: np.concatenate([v, births.target[a]])[source] for a, v in target.items()}
+            born = self._settled_births(births, coded.state, source)
+            members = members.merge(born, source)
+            came = births.target if born is births.members else born.target(planes)
+            target = {a: np.concatenate([v, came[a]])[source] for a, v in target.items()}
             unknown = np.full((births.change.num_births, 3), np.nan)
             moved = np.concatenate([moved, unknown])[source]
         return _Loop(coded, members, target, cloud, planes, before.intra_bytes, moved, hint, held)
+
+    def _settled_births(self, births: Births, state: GofState, source: Int64) -> Members:
+        """Those that came, under the axis names that their coding gives them."""
+        names = births.members.names
+        if names is None or not self._plan.is_graded:
+            return births.members
+        count = births.change.num_births
+        places = np.argsort(source, kind="stable")[len(source) - count :]
+        decoded = state.frame.planes[Attribute.ROTATION].wide()[places]
+        names = settled_names(names, births.target[Attribute.ROTATION], decoded)
+        return Members(births.members.rows, names)
 
     def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> _Loop:
         anchor, first = self._anchor(index), self._plan.anchors[index]

@@ -139,3 +139,38 @@ def test_identity_survives_large_steps(tmp_path: Path) -> None:
     frames = [shuffled(cloud, seed) for seed, cloud in enumerate(travelling(small(400), 3, 0.8))]
     _, kinds, _ = code(frames, tmp_path, EncoderOptions())
     assert kinds == "IPP"
+
+
+def coming(count: int) -> list[GaussianCloud]:
+    """Half of a trained splat, then all of it, and then nothing changes."""
+    cloud = real_cloud(count)
+    return [cloud.take(np.arange(0, count, 2)), *still(cloud, 3)]
+
+
+@pytest.mark.parametrize("order", OutputOrder)
+def test_births_have_graded_steps_and_settle(order: OutputOrder, tmp_path: Path) -> None:
+    path = tmp_path / "coming.dgs"
+    frames = coming(1200)
+    # too little to be coded, but enough to be looked at
+    rng = np.random.default_rng(0)
+    for index in (2, 3):
+        moved = frames[index].rotations + rng.normal(0, 1e-5, frames[index].rotations.shape)
+        frames[index] = replace(frames[index], rotations=moved.astype(np.float32))
+    report = encode_sequence(frames, path, EncoderOptions(qp=26, order=order))
+    assert "".join(frame.kind[0] for frame in report.frames)[:2] == "IP"
+    # under the axis names that their coding gives them nothing is left to mend
+    sizes = [frame.num_bytes for frame in report.frames]
+    assert max(sizes[2:]) < 0.05 * sizes[1]
+    assert probe(path).bytes_by("attribute")["COVER"] > 0
+    uniform = tmp_path / "uniform.dgs"
+    encode_sequence(frames, uniform, EncoderOptions(qp=26, order=order, visibility=False))
+    assert path.stat().st_size < uniform.stat().st_size
+
+
+def test_births_cost_what_they_cost_in_an_i_frame(tmp_path: Path) -> None:
+    path, whole = tmp_path / "coming.dgs", tmp_path / "whole.dgs"
+    frames = coming(3000)[:2]
+    encode_sequence(frames, path, EncoderOptions(qp=26, cover=False))
+    encode_sequence(frames[1:], whole, EncoderOptions(qp=26, cover=False))
+    births = probe(path).frames[1].num_bytes
+    assert births < 0.65 * whole.stat().st_size
