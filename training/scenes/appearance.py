@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.encoder.splats import harmonics
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS
 from training.scenes.asset import Float64, Int64, Primitive
 
@@ -71,26 +72,7 @@ def sh_dc(linear_rgb: Float64, normals: Float64) -> Float64:
 
 def sh_basis(directions: Float64) -> Float64:
     """(N, 3) unit vectors -> (N, 15) basis functions of degrees 1 to 3, in the order of f_rest."""
-    x, y, z = directions.T
-    xx, yy, zz = x * x, y * y, z * z
-    columns = [
-        -0.4886025119029199 * y,
-        0.4886025119029199 * z,
-        -0.4886025119029199 * x,
-        1.0925484305920792 * x * y,
-        -1.0925484305920792 * y * z,
-        0.31539156525252005 * (2.0 * zz - xx - yy),
-        -1.0925484305920792 * x * z,
-        0.5462742152960396 * (xx - yy),
-        -0.5900435899266435 * y * (3.0 * xx - yy),
-        2.890611442640554 * x * y * z,
-        -0.4570457994644658 * y * (4.0 * zz - xx - yy),
-        0.3731763325901154 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
-        -0.4570457994644658 * x * (4.0 * zz - xx - yy),
-        1.445305721320277 * z * (xx - yy),
-        -0.5900435899266435 * x * (xx - 3.0 * yy),
-    ]
-    return np.stack(columns, axis=1)
+    return harmonics(directions, 16)[:, 1:]
 
 
 def sh_rest(normals: Float64, sh_degree: int, rng: np.random.Generator) -> Float64:

@@ -73,8 +73,9 @@ class _Patch:
 
     def shades(self, colours: Float64) -> Float32:
         """Colours (rows, 3) as they are seen from there."""
-        basis = harmonics(self.frame[2], colours.shape[2])
-        return np.maximum(colours @ basis + 0.5, 0.0).astype(np.float32)
+        (basis,) = harmonics(self.frame[2:], colours.shape[2])
+        shades: Float32 = np.maximum(colours @ basis + 0.5, 0.0).astype(np.float32)
+        return shades
 
     def image(self, splats: Splats) -> Float32:
         """Pixels (pixels, 3)."""

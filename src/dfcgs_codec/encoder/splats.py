@@ -57,26 +57,26 @@ class Splats:
     colours: Float64
 
 
-def harmonics(direction: Float64, count: int) -> Float64:
-    """The first `count` (1, 4, 9 or 16) real spherical harmonics of a unit vector (3,), signed as in 3DGS."""
-    x, y, z = direction.tolist()
+def harmonics(directions: Float64, count: int) -> Float64:
+    """The first `count` (1 to 16) real spherical harmonics of unit vectors (N, 3), signed as in 3DGS."""
+    x, y, z = directions.T
     xx, yy, zz = x * x, y * y, z * z
-    found = [
-        0.28209479177387814,
+    columns = [
+        np.full_like(x, 0.28209479177387814),
         -0.4886025119029199 * y,
         0.4886025119029199 * z,
         -0.4886025119029199 * x,
         1.0925484305920792 * x * y,
         -1.0925484305920792 * y * z,
-        0.31539156525252005 * (2 * zz - xx - yy),
+        0.31539156525252005 * (2.0 * zz - xx - yy),
         -1.0925484305920792 * x * z,
         0.5462742152960396 * (xx - yy),
-        -0.5900435899266435 * y * (3 * xx - yy),
+        -0.5900435899266435 * y * (3.0 * xx - yy),
         2.890611442640554 * x * y * z,
-        -0.4570457994644658 * y * (4 * zz - xx - yy),
-        0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy),
-        -0.4570457994644658 * x * (4 * zz - xx - yy),
+        -0.4570457994644658 * y * (4.0 * zz - xx - yy),
+        0.3731763325901154 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy),
+        -0.4570457994644658 * x * (4.0 * zz - xx - yy),
         1.445305721320277 * z * (xx - yy),
-        -0.5900435899266435 * x * (xx - 3 * yy),
+        -0.5900435899266435 * x * (xx - 3.0 * yy),
     ]
-    return np.array(found[:count])
+    return np.stack(columns[:count], axis=1)

@@ -13,10 +13,10 @@ def test_harmonics_are_orthonormal() -> None:
     for z, weight in zip(heights, weights, strict=True):
         for turn in turns:
             radius = np.sqrt(1 - z * z)
-            values = harmonics(np.array([radius * np.cos(turn), radius * np.sin(turn), z]), 16)
+            (values,) = harmonics(np.array([[radius * np.cos(turn), radius * np.sin(turn), z]]), 16)
             total += weight * (2 * np.pi / 16) * np.outer(values, values)
     assert np.allclose(total, np.eye(16), atol=1e-12)
-    assert len(harmonics(np.array([0.0, 0.0, 1.0]), 4)) == 4
+    assert harmonics(np.array([[0.0, 0.0, 1.0]] * 5), 4).shape == (5, 4)
 
 
 def test_rotation_matrices_turn() -> None:
