@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import MAX_DECAY_EXPONENT, Attribute
+from dfcgs_codec.bitstream.constants import MAX_DECAY_EXPONENT, Attribute, Profile
 from dfcgs_codec.codec.compensation import GofMotion
 from dfcgs_codec.codec.dpb import SH_BANDS, FrameState
 from dfcgs_codec.codec.reconstruct import reconstruct_intra
@@ -124,7 +124,8 @@ def prepare_gof(
 ) -> Gof:
     """A GoF of clouds whose index is identity."""
     layout = layout or Layout()
-    options = EncoderOptions(qp=qp, gof_size=1, control_spacing=layout.control_spacing)
+    # steps as the profile has them: those of MAIN are balanced for the scene
+    options = EncoderOptions(qp=qp, gof_size=1, control_spacing=layout.control_spacing, profile=Profile.PAPER)
     plan = plan_sequence(MemorySource(clouds), options)
     targets = Targets(plan.header.unit_exponents)
     planes = targets.planes(clouds[0])
