@@ -668,6 +668,7 @@ class Grading:
     coarse_log2: int
     levels: dict[int, int]
     thin_octaves: int
+    alternating: int
 
 
 @dataclass
@@ -936,9 +937,10 @@ def reconstruct_inter(activity: dict[int, Activity], steps: Steps, reference: St
     return State(planes, reference.order)
 
 
-# --- 9.6, 11.5 to 11.7 graded I-frames --------------------------------------------------------------------
+# --- 9.6, 9.8, 11.5 to 11.7 graded I-frames ---------------------------------------------------------------
 
 MAX_COVER, MAX_TURN_WEIGHT, SPIN_WEIGHT, MAX_TURN_STEP = 15, 64, 16, 2**16
+CHAIN_LENGTH, FEWEST_SYMBOLS = 128, 512
 
 
 class Look(NamedTuple):
@@ -973,8 +975,50 @@ def graded_step(header: IntraHeader, attribute: int, weight: int) -> int:
     return round_shift(header.steps[attribute] * multiplier, 8)
 
 
-def graded_column(stream: RangeDecoder, lods: Lods, earlier: Matrix, step: Row) -> tuple[Row, Row]:
+def turns_of_second(chain: Row) -> Row:
+    """9.8: `a`, which is 1 where the symbol of a chain is of the second quantiser."""
+    p = [0] * 3 + [k & 1 for k in chain]
+    a = [0] * 3
+    for t in range(3, len(p)):
+        a.append(a[t - 1] ^ a[t - 3] ^ p[t - 2])
+    return a[3:]
+
+
+def quantisers_of(symbols: Row) -> Row:
+    """9.8: of each symbol of a pass in which two quantisers take turns, 0 for the first, 1 for the second."""
+    second = [0] * len(symbols)
+    if len(symbols) >= FEWEST_SYMBOLS:
+        num_chains = -(-len(symbols) // CHAIN_LENGTH)
+        for j in range(num_chains):
+            second[j::num_chains] = turns_of_second(symbols[j::num_chains])
+    return second
+
+
+class Graded(NamedTuple):
+    """9.6: the step of each Gaussian, and whether two quantisers take turns (9.8)."""
+
+    step: Row
+    alternates: bool
+
+    def worth(self, rows: Row, symbols: Row) -> Row:
+        """What the symbols of a pass are worth; `rows` are the Gaussians that they belong to."""
+        second = quantisers_of(symbols) if self.alternates else [0] * len(symbols)
+        values = []
+        for row, k, is_second in zip(rows, symbols, second, strict=True):
+            s = self.step[row]
+            require(abs(k) <= 2 * STATE_LIMIT // s)
+            values.append((2 * k - sign(k)) * s >> 1 if is_second else k * s)
+        return values
+
+
+def is_alternating(header: IntraHeader, attribute: int) -> bool:
+    """9.8: whether two quantisers take turns in an attribute."""
+    return header.grading is not None and bool(header.grading.alternating >> attribute & 1)
+
+
+def graded_column(stream: RangeDecoder, lods: Lods, earlier: Matrix, graded: Graded) -> tuple[Row, Row]:
     """11.6: values and residuals of all rows."""
+    step = graded.step
     center = stream.signed_value(STATE_LIMIT)
     weights = stream.read_weights(1 + len(earlier))
     activity = stream.read_weights(2 + len(earlier))
@@ -992,10 +1036,10 @@ def graded_column(stream: RangeDecoder, lods: Lods, earlier: Matrix, step: Row) 
         return ladder((max(t, 0) >> 11) // step[row], 31)
 
     def code_pass(rows: range, contexts: Row, predictions: Row) -> None:
-        for row, p, k in zip(rows, predictions, stream.residuals(contexts, tables), strict=True):
-            require(abs(k) <= 2 * STATE_LIMIT // step[row])
-            residual[row] = k * step[row]
-            value[row] = p + residual[row]
+        worth = graded.worth(list(rows), stream.residuals(contexts, tables))
+        for row, p, r in zip(rows, predictions, worth, strict=True):
+            residual[row] = r
+            value[row] = p + r
             require(abs(value[row]) <= STATE_LIMIT)
 
     if not (weights[0] or activity[0]):
@@ -1011,12 +1055,12 @@ def graded_column(stream: RangeDecoder, lods: Lods, earlier: Matrix, step: Row) 
 
 
 def graded_columns(
-    stream: RangeDecoder, lods: Lods, earlier: Matrix, coding: tuple[int, Row]
+    stream: RangeDecoder, lods: Lods, earlier: Matrix, coding: tuple[int, Graded]
 ) -> Iterator[Row]:
     """As many columns as `coding` says, with its steps; `earlier` gets their residuals."""
-    num_columns, step = coding
+    num_columns, graded = coding
     for _ in range(num_columns):
-        value, residual = graded_column(stream, lods, earlier, step)
+        value, residual = graded_column(stream, lods, earlier, graded)
         yield value
         earlier.append(residual)
 
@@ -1095,32 +1139,30 @@ def turn_context(is_needle: bool, expected: int | None, step: int) -> int:
 
 
 def turned_by(frame: Row, is_needle: bool, turn: Row) -> Row:
-    """11.7, with two tilts and the spin."""
+    """11.7, with what two tilts and the spin are worth."""
     t0, t1, s = turn
     tilt = from_stereo([0, t0, t1] if is_needle else [t0, t1, 0])
     spin = from_stereo([s, 0, 0] if is_needle else [0, 0, s])
     return normalise(multiply(multiply(frame, tilt), spin))
 
 
-def turns(stream: RangeDecoder, lods: Lods, is_needle: list[bool], steps: tuple[Row, Row]) -> Matrix:
-    """11.7: quaternions; `steps` are those of tilts and of spins."""
+def turns(stream: RangeDecoder, lods: Lods, is_needle: list[bool], graded: tuple[Graded, Graded]) -> Matrix:
+    """11.7: quaternions; `graded` is that of tilts and of spins."""
     tilt_tables, spin_tables = stream.read_tables(64), stream.read_tables(64)
     flip_models = stream.read_histograms([0], 4) if stream.decode(uniform(2)) else None
-    tilt_step, spin_step = steps
+    tilts, spins = graded
     quaternion: Matrix = [[] for _ in range(lods.count)]
     axes: list[Matrix] = [[] for _ in range(lods.count)]
 
     def code_pass(rows: range, expected: list[Expected]) -> None:
-        c = [turn_context(is_needle[i], e.tilt, tilt_step[i]) for i, e in zip(rows, expected, strict=True)]
-        d = [turn_context(is_needle[i], e.spin, spin_step[i]) for i, e in zip(rows, expected, strict=True)]
-        tilt = stream.residuals(c + c, tilt_tables)
-        spin = stream.residuals(d, spin_tables)
+        c = [turn_context(is_needle[i], e.tilt, tilts.step[i]) for i, e in zip(rows, expected, strict=True)]
+        d = [turn_context(is_needle[i], e.spin, spins.step[i]) for i, e in zip(rows, expected, strict=True)]
+        # 9.8: the tilts, first and second, are one pass, the spins another
+        tilt = tilts.worth([*rows, *rows], stream.residuals(c + c, tilt_tables))
+        spin = spins.worth(list(rows), stream.residuals(d, spin_tables))
         flips = [0] * len(rows) if flip_models is None else stream.grouped([0] * len(rows), flip_models)
         first, second = tilt[: len(rows)], tilt[len(rows) :]
-        for i, e, *symbols in zip(rows, expected, first, second, spin, strict=True):
-            own = [tilt_step[i], tilt_step[i], spin_step[i]]
-            require(all(abs(k) <= 2 * STATE_LIMIT // s for k, s in zip(symbols, own, strict=True)))
-            turn = [k * s for k, s in zip(symbols, own, strict=True)]
+        for i, e, *turn in zip(rows, expected, first, second, spin, strict=True):
             quaternion[i] = turned_by(e.frame, is_needle[i], turn)
             axes[i] = axes_of(quaternion[i])
         for i, f in zip(rows, flips, strict=True):
@@ -1167,7 +1209,8 @@ def graded_intra(
     require(all(0 <= c <= MAX_COVER for c in cover))
 
     def columns(attribute: int, earlier: Matrix, step: Row) -> Matrix:
-        coded = graded_columns(next(streams), lods, earlier, (COLUMNS[attribute], step))
+        graded = Graded(step, is_alternating(header, attribute))
+        coded = graded_columns(next(streams), lods, earlier, (COLUMNS[attribute], graded))
         return transposed(list(coded))
 
     planes: dict[int, Matrix] = {POSITION: []}
@@ -1190,7 +1233,7 @@ def graded_intra(
             for row, o in zip(index, octaves, strict=True)
         ]
     )
-    planes[ROTATION] = turns(next(streams), lods, [k.is_needle for k in looks], turn_steps(header, looks))
+    planes[ROTATION] = turns(next(streams), lods, [k.is_needle for k in looks], graded_turns(header, looks))
     residuals: Matrix = []
     for attribute in sorted(header.steps)[SH_DC:]:
         steps = [graded_step(header, attribute, look.seen) for look in looks]
@@ -1199,14 +1242,15 @@ def graded_intra(
     return Intra(State(planes, order), anchors, cover)
 
 
-def turn_steps(header: IntraHeader, looks: list[Look]) -> tuple[Row, Row]:
+def graded_turns(header: IntraHeader, looks: list[Look]) -> tuple[Graded, Graded]:
     """9.6: of tilts and of spins."""
     tilts, spins = [], []
     for look in looks:
         tilt, spin = (look.long, look.flat) if look.is_needle else (look.flat, look.long)
         tilts.append(min(graded_step(header, ROTATION, look.seen + tilt), MAX_TURN_STEP))
         spins.append(min(graded_step(header, ROTATION, look.seen + spin - SPIN_WEIGHT), MAX_TURN_STEP))
-    return tilts, spins
+    alternates = is_alternating(header, ROTATION)
+    return Graded(tilts, alternates), Graded(spins, alternates)
 
 
 def intra_gaussians(
@@ -2327,7 +2371,7 @@ class Frame:
 def sequence_header(fields: Fields) -> Sequence:
     version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
     require(
-        version == 9 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
+        version == 10 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
     )
     num_frames = fields.uvarint()
     fields.uvarint()
@@ -2383,7 +2427,7 @@ def sort_grid(fields: Fields) -> SortGrid:
 
 
 def intra_header(fields: Fields, sequence: Sequence) -> IntraHeader:
-    """5, from `sort_shift` to `thin_octaves`."""
+    """5, from `sort_shift` to `alternating`."""
     grid = sort_grid(fields)
     steps = {attribute: fields.uvarint() for attribute in sequence.attributes}
     require(all(1 <= step <= STATE_LIMIT for step in steps.values()))
@@ -2396,7 +2440,9 @@ def intra_header(fields: Fields, sequence: Sequence) -> IntraHeader:
     require(coarse_log2 <= 8 and all(abs(level) <= STATE_LIMIT for level in levels.values()))
     thin_octaves = fields.u8()
     require(thin_octaves <= 8 and (not thin_octaves or sequence.exponents[SCALE] <= -11))
-    return IntraHeader(grid, steps, Grading(coarse_log2, levels, thin_octaves))
+    alternating = fields.u8()
+    require(alternating & ~sum(1 << a for a in sequence.attributes if a != POSITION) == 0)
+    return IntraHeader(grid, steps, Grading(coarse_log2, levels, thin_octaves, alternating))
 
 
 def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof]:

@@ -69,7 +69,7 @@ from dfcgs_codec.codec.symbols import SymbolCoder, T
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder import frame_coding, streams
 from dfcgs_codec.encoder.analysis import ZeroBin
-from dfcgs_codec.encoder.grading import TurnChooser
+from dfcgs_codec.encoder.grading import TurnChooser, quantise_by
 from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
@@ -731,7 +731,8 @@ def _random_task(rng: np.random.Generator, count: int, attributes: list[Attribut
     if rng.random() < 0.4:
         return frame_coding.IntraTask(symbols, grid, steps)
     levels = {attribute: int(rng.integers(-300, 500)) for attribute in attributes}
-    grading = Grading(int(rng.choice([0, 0, 1, 3, 8])), levels, int(rng.choice([0, 1, 6, 8])))
+    alternating = frozenset(a for a in attributes if a != Attribute.POSITION and rng.random() < 0.7)
+    grading = Grading(int(rng.choice([0, 0, 1, 3, 8])), levels, int(rng.choice([0, 1, 6, 8])), alternating)
     planes = {a: np.cumsum(rng.integers(-900, 900, v.shape), axis=0) for a, v in symbols.planes.items()}
     planes[Attribute.ROTATION] = normalise(rng.integers(-(1 << 23), 1 << 23, (count, 4)))
     coarse, log2 = symbols.planes[Attribute.POSITION], grading.coarse_log2
@@ -743,7 +744,7 @@ def _random_task(rng: np.random.Generator, count: int, attributes: list[Attribut
         positions,
         np.clip(rng.integers(-4, 5, count).cumsum() // 4, 0, 15) * int(rng.integers(0, 2)),
         symbols.permutation,
-        dict.fromkeys(attributes, ZeroBin(float(rng.choice([0.5, 0.6]))).quantise),
+        {a: quantise_by(ZeroBin(float(rng.choice([0.5, 0.6]))), grading, a) for a in attributes},
         lambda rotation: TurnChooser(planes[Attribute.ROTATION], rotation).choose,
         bool(rng.integers(0, 2)),
     )
@@ -753,7 +754,8 @@ def _random_task(rng: np.random.Generator, count: int, attributes: list[Attribut
 def _random_intra(
     rng: np.random.Generator, index: int, attributes: list[Attribute], header: SequenceHeader
 ) -> frame_coding.CodedFrame:
-    count = int(rng.integers(1, rng.choice([20, 200])))
+    # passes with two quantisers, now and then
+    count = int(rng.integers(1, rng.choice([20, 200, 200, 1200])))
     model = registry.context_model(header.model_id) if header.model_id else None
     setup = GofSetup(_random_control(rng), header.unit_exponents, model)
     if rng.random() < 0.3:

@@ -26,6 +26,7 @@ from dfcgs_codec.bitstream.constants import (
     MAX_COARSE_LOG2,
     MAX_THIN_OCTAVES,
     STATE_LIMIT,
+    Attribute,
     ChunkType,
     Compensation,
     ControlRule,
@@ -112,6 +113,11 @@ def valid_sequences() -> dict[str, Sequence]:
         "uniform_steps": (
             helpers.all_changing(helpers.make_cloud(70, 1), 3),
             EncoderOptions(visibility=False),
+        ),
+        "two_quantisers_sh2": (helpers.drifting(helpers.real_cloud(1500), 2), EncoderOptions()),
+        "two_quantisers_but_for_scales": (
+            helpers.all_changing(helpers.clustered_cloud(1100, 1), 2),
+            EncoderOptions(bounds=(Bound("scale", 0.01),), qp=34),
         ),
         "no_cover": (helpers.all_changing(helpers.real_cloud(200), 3), EncoderOptions(cover=False)),
         "graded_over_gof_borders": (_waving(400, 5), EncoderOptions(gof_size=2, control_spacing=20)),
@@ -265,6 +271,11 @@ def _thin(header: IntraHeader) -> IntraHeader:
     return replace(header, grading=replace(header.grading, thin_octaves=MAX_THIN_OCTAVES + 1))
 
 
+def _alternating_positions(header: IntraHeader) -> IntraHeader:
+    assert header.grading is not None
+    return replace(header, grading=replace(header.grading, alternating=frozenset({Attribute.POSITION})))
+
+
 def _steps(value: int) -> Callable[[IntraHeader], IntraHeader]:
     return lambda header: replace(header, steps=dict.fromkeys(header.steps, value))
 
@@ -287,6 +298,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
         "step_too_large": (_changed_intra(valid, _steps(STATE_LIMIT + 1)), "LimitExceeded"),
         "coarse_positions": (_changed_intra(valid, _coarse), "LimitExceeded"),
         "thin_axes": (_changed_intra(valid, _thin), "LimitExceeded"),
+        "alternating_positions": (_changed_intra(valid, _alternating_positions), "CorruptBitstream"),
         "spare_words": (_changed_intra(valid, _longer, bytes(8)), "CorruptBitstream"),
         "spare_bytes": (_changed_intra(valid, lambda h: h, bytes(4)), "CorruptBitstream"),
         "coarse_opacity": (_with_opacity_unit(valid, -10), "LimitExceeded"),

@@ -8,7 +8,7 @@ from typing import NamedTuple
 MAGIC = b"\x89DGS\r\n\x1a\n"
 #: first bytes of another package's `.dgs` files (dgs-py: one static scene with linear velocities)
 FOREIGN_MAGIC = b"glps"
-BITSTREAM_VERSION = 9
+BITSTREAM_VERSION = 10
 
 #: chunk types with this bit set may be skipped when unknown
 ANCILLARY_BIT = 0x80

@@ -123,12 +123,14 @@ class Grading:
     """How steps of an I-frame, or of births, follow visibility (spec section 9.6).
 
     Positions are coarser by up to 2**`coarse_log2`; `levels` by attribute, sixteenths of an octave; axis 2
-    is companded over `thin_octaves` of its ratio to axis 1 (spec section 9.7).
+    is companded over `thin_octaves` of its ratio to axis 1 (spec section 9.7); two quantisers take turns in
+    `alternating` attributes (spec section 9.8).
     """
 
     coarse_log2: int
     levels: dict[Attribute, int]
     thin_octaves: int
+    alternating: frozenset[Attribute]
 
     @staticmethod
     def write(writer: ByteWriter, grading: Grading | None) -> None:
@@ -138,6 +140,7 @@ class Grading:
             writer.u8(grading.coarse_log2)
             write_levels(writer, grading.levels)
             writer.u8(grading.thin_octaves)
+            writer.u8(sum(1 << attribute for attribute in grading.alternating))
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> Grading | None:
@@ -148,12 +151,18 @@ class Grading:
         if sequence.profile == Profile.PAPER:
             raise CorruptBitstream("a graded I-frame in profile PAPER", offset=offset)
         coarse_log2 = read_bounded(reader.u8, MAX_COARSE_LOG2, "coarse_log2", reader)
-        levels = read_levels(reader, coded_attributes(sequence.sh_degree))
+        attributes = coded_attributes(sequence.sh_degree)
+        levels = read_levels(reader, attributes)
         offset = reader.offset
         thin_octaves = read_bounded(reader.u8, MAX_THIN_OCTAVES, "thin_octaves", reader)
         if thin_octaves and sequence.unit_exponents.scale > MAX_THIN_EXPONENT:
             raise CorruptBitstream("thin axes on a grid as coarse as octaves", offset=offset)
-        return Grading(coarse_log2, levels, thin_octaves)
+        offset = reader.offset
+        mask = reader.u8()
+        alternating = frozenset(a for a in attributes if a != Attribute.POSITION and mask >> a & 1)
+        if sum(1 << attribute for attribute in alternating) != mask:
+            raise CorruptBitstream(f"alternating {mask:#x} names unknown attributes", offset=offset)
+        return Grading(coarse_log2, levels, thin_octaves, alternating)
 
 
 def coded_attributes(sh_degree: int) -> list[Attribute]:

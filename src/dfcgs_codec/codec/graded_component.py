@@ -15,6 +15,7 @@ from dfcgs_codec.codec.symbols import AnyReal, Int64, SymbolCoder, UInt8
 from dfcgs_codec.entropy.symbols import code_residuals
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.lod import Level, LevelsOfDetail, ladder
+from dfcgs_codec.transform.trellis import step_values
 
 #: half octaves of activity; the last context belongs to the base level
 NUM_CONTEXTS = 32
@@ -25,8 +26,8 @@ _MEAN_BITS = 8
 #: rows that weights are fitted to
 _MOST_ROWS = 24_000
 
-#: an encoder's choice of symbols: from what is to be coded less its prediction, and the steps
-Quantise = Callable[[Int64, Int64], Int64]
+#: an encoder's choice of symbols: from what is to be coded less its prediction, the steps and the contexts
+Quantise = Callable[[Int64, Int64, UInt8], Int64]
 #: rows of a pass, the neighbours' mean and deviation (times 256), or None in the base
 Statistics = tuple[Int64, Int64] | None
 
@@ -84,11 +85,15 @@ class _Predictor:
 
 @dataclass(frozen=True)
 class GradedColumn:
-    """The column's steps (N,), levels of detail, and the columns before it."""
+    """The column's steps (N,), levels of detail, and the columns before it.
+
+    `alternating`: whether two quantisers take turns in it.
+    """
 
     steps: Int64
     lod: LevelsOfDetail
     earlier: Earlier
+    alternating: bool = False
 
     def code(self, coder: SymbolCoder, target: Target | None) -> Int64:
         """The column (N,), as decoded; it is added to `earlier`."""
@@ -108,7 +113,7 @@ class GradedColumn:
 
         def quantise_rows(rows: slice, prediction: Int64, contexts: UInt8) -> Int64:
             known[rows] = contexts
-            symbols[rows] = target.quantise(target.values[rows] - prediction, self.steps[rows])
+            symbols[rows] = target.quantise(target.values[rows] - prediction, self.steps[rows], contexts)
             return symbols[rows]
 
         values = self._walk(predictor, quantise_rows)
@@ -136,7 +141,8 @@ class GradedColumn:
                 contexts = np.full(len(steps), BASE_CONTEXT, np.uint8)
             else:
                 contexts = predictor.contexts(found, [m[rows] for m in magnitudes], steps)
-            residual[rows] = scaled_symbols(code_rows(rows, prediction, contexts), steps)
+            symbols = code_rows(rows, prediction, contexts)
+            residual[rows] = scaled_symbols(symbols, steps, alternating=self.alternating)
             values[rows] = prediction + residual[rows]
             if len(steps) and max(values[rows].max(), -values[rows].min()) > STATE_LIMIT:
                 raise CorruptBitstream("a reconstructed value leaves the range of the state")
@@ -190,9 +196,9 @@ class _Evidence:
         return own + [np.abs(feature) for feature in features[1:]], np.abs(goal)
 
 
-def scaled_symbols(symbols: Int64, steps: Int64) -> Int64:
-    """Symbols (N,) times steps (N,); refused before they could leave 64 bits."""
+def scaled_symbols(symbols: Int64, steps: Int64, *, alternating: bool) -> Int64:
+    """What the symbols of a pass (rows,) mean with steps (rows,); refused before they could leave 64 bits."""
     limit = 2 * STATE_LIMIT // steps
     if (symbols < -limit).any() or (symbols > limit).any():
         raise CorruptBitstream("a symbol is too large for its step")
-    return symbols * steps
+    return step_values(symbols, steps, alternating=alternating)

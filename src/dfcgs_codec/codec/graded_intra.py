@@ -80,14 +80,15 @@ class _Walk:
 
     def columns(self, attribute: Attribute, weights: Int64, earlier: Earlier) -> None:
         """Code the columns of an attribute, each with the help of `earlier` ones and those before it."""
-        coder, target = self.next_coder(), self.target
-        steps = steps_of(self.shape.steps[attribute], self.shape.grading.levels[attribute], weights)
+        coder, target, grading = self.next_coder(), self.target, self.shape.grading
+        steps = steps_of(self.shape.steps[attribute], grading.levels[attribute], weights)
         found = []
         for column in range(STATE_COLUMNS[attribute]):
             wanted = None
             if target is not None:
                 wanted = Target(target.planes[attribute][:, column], target.quantise[attribute])
-            found.append(GradedColumn(steps, self.lod, earlier).code(coder, wanted))
+            graded = GradedColumn(steps, self.lod, earlier, attribute in grading.alternating)
+            found.append(graded.code(coder, wanted))
         self.planes[attribute] = np.stack(found, axis=1)
 
     def scales(self, weights: Int64) -> None:
@@ -105,7 +106,8 @@ class _Walk:
                 if is_thin:
                     values = compress_thinness(found[-1] - values, exponent, octaves)
                 wanted = Target(values, target.quantise[Attribute.SCALE])
-            coded = GradedColumn(steps, self.lod, earlier).code(coder, wanted)
+            alternating = Attribute.SCALE in shape.grading.alternating
+            coded = GradedColumn(steps, self.lod, earlier, alternating).code(coder, wanted)
             if is_thin:
                 coded = found[-1] - expand_thinness(coded, exponent, octaves)
                 if np.abs(coded).max() > STATE_LIMIT:
@@ -152,7 +154,8 @@ class _Walk:
         tilt, spin = weights.turns()
         tilts = np.minimum(steps_of(step, level, tilt), MAX_TURN_STEP)
         spins = np.minimum(steps_of(step, level, spin), MAX_TURN_STEP)
-        rotation = GradedRotation(tilts, spins, weights.is_needle, self.lod)
+        alternating = Attribute.ROTATION in shape.grading.alternating
+        rotation = GradedRotation(tilts, spins, weights.is_needle, self.lod, alternating)
         choose = None if target is None else target.turns(rotation)
         keeps_names = target is not None and target.keeps_names
         found = rotation.code(self.next_coder(), choose, keeps_names=keeps_names)

@@ -38,9 +38,10 @@ class Turns:
     flips: Int64
 
 
-#: an encoder's choice of symbols, from the frames expected (rows, 4) of a pass
-ChooseTurns = Callable[[slice, Int64], Turns]
-_Contexts = tuple[UInt8, UInt8]
+#: contexts of tilts and of spins, (rows,) each
+TurnContexts = tuple[UInt8, UInt8]
+#: an encoder's choice of symbols, from the frames expected (rows, 4) of a pass and the contexts
+ChooseTurns = Callable[[slice, Int64, TurnContexts], Turns]
 
 
 def pole_turns(tilts: Int64, spins: Int64, is_needle: Bool) -> tuple[Int64, Int64]:
@@ -69,12 +70,16 @@ def _contexts(expected: Int64 | None, steps: Int64, is_needle: Bool) -> UInt8:
 
 @dataclass(frozen=True)
 class GradedRotation:
-    """Steps (N,) of tilts and spins, in stereographic units, whose pole is axis 0 (N,), levels of detail."""
+    """Steps (N,) of tilts and spins, in stereographic units, whose pole is axis 0 (N,), levels of detail.
+
+    `alternating`: whether two quantisers take turns, in tilts and in spins.
+    """
 
     tilt_steps: Int64
     spin_steps: Int64
     is_needle: Bool
     lod: LevelsOfDetail
+    alternating: bool = False
 
     def code(self, coder: SymbolCoder, choose: ChooseTurns | None, *, keeps_names: bool = False) -> Int64:
         """Quaternions (N, 4), as decoded.
@@ -97,7 +102,7 @@ class GradedRotation:
                 np.zeros(1, np.int64), 1, _NUM_FLIPS, lambda: (known.flips, np.zeros(count, np.uint8))
             )
 
-        def code_rows(rows: slice, _: Int64, contexts: _Contexts) -> Turns:
+        def code_rows(rows: slice, _: Int64, contexts: TurnContexts) -> Turns:
             given = None
             if choose is not None:
                 given = Turns(known.tilts[rows], known.spins[rows], known.flips[rows])
@@ -112,18 +117,23 @@ class GradedRotation:
 
         return self._walk(code_rows)
 
-    def _choose(self, known: Turns, contexts: _Contexts, choose: ChooseTurns) -> None:
+    def tilts_of(self, symbols: Int64, steps: Int64) -> Int64:
+        """Tilts (rows, 2) of a pass: all first ones, then all second ones, are coded as one."""
+        flat = scaled_symbols(symbols.T.ravel(), np.tile(steps, 2), alternating=self.alternating)
+        return flat.reshape(2, -1).T
+
+    def _choose(self, known: Turns, contexts: TurnContexts, choose: ChooseTurns) -> None:
         """Fill in symbols and contexts: the walk, with nothing coded."""
 
-        def choose_rows(rows: slice, frames: Int64, found: _Contexts) -> Turns:
+        def choose_rows(rows: slice, frames: Int64, found: TurnContexts) -> Turns:
             contexts[0][rows], contexts[1][rows] = found
-            chosen = choose(rows, frames)
+            chosen = choose(rows, frames, found)
             known.tilts[rows], known.spins[rows], known.flips[rows] = chosen.tilts, chosen.spins, chosen.flips
             return chosen
 
         self._walk(choose_rows)
 
-    def _walk(self, code_rows: Callable[[slice, Int64, _Contexts], Turns]) -> Int64:
+    def _walk(self, code_rows: Callable[[slice, Int64, TurnContexts], Turns]) -> Int64:
         count = len(self.is_needle)
         quaternions = np.zeros((count, 4), np.int64)
         axes = np.zeros((count, 3, 3), np.int64)
@@ -133,8 +143,9 @@ class GradedRotation:
             steps = self.tilt_steps[rows], self.spin_steps[rows]
             contexts = _contexts(tilt, steps[0], is_needle), _contexts(spin, steps[1], is_needle)
             found = code_rows(rows, frames, contexts)
-            tilts = np.stack([scaled_symbols(found.tilts[:, k], steps[0]) for k in range(2)], axis=1)
-            tilted, spun = pole_turns(tilts, scaled_symbols(found.spins, steps[1]), is_needle)
+            tilts = self.tilts_of(found.tilts, steps[0])
+            spins = scaled_symbols(found.spins, steps[1], alternating=self.alternating)
+            tilted, spun = pole_turns(tilts, spins, is_needle)
             turned = normalise(multiply(multiply(frames, tilted), spun))
             axes[rows] = axes_of_quaternions(turned)
             flipped = np.flatnonzero(found.flips)

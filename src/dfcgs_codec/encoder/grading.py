@@ -12,8 +12,15 @@ from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import Grading, SortGrid
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.codec.graded_component import Quantise
 from dfcgs_codec.codec.graded_intra import GradedTarget
-from dfcgs_codec.codec.graded_rotation import ChooseTurns, GradedRotation, Turns, pole_turns
+from dfcgs_codec.codec.graded_rotation import (
+    ChooseTurns,
+    GradedRotation,
+    TurnContexts,
+    Turns,
+    pole_turns,
+)
 from dfcgs_codec.codec.visibility import (
     IntraWeights,
     Visibility,
@@ -26,11 +33,14 @@ from dfcgs_codec.encoder.analysis import Planes, ZeroBin, order_of, plan_grid
 from dfcgs_codec.encoder.canonical import AxisNames
 from dfcgs_codec.encoder.cover import cover_classes
 from dfcgs_codec.encoder.rate_control import Quantisation
+from dfcgs_codec.encoder.trellis_search import AlternatingQuantiser, best_path
 from dfcgs_codec.transform.companding import thin_octaves
 from dfcgs_codec.transform.lod import build_levels
 from dfcgs_codec.transform.rotation import CELLS, ONE, STEREO_ONE, multiply, round_divide
+from dfcgs_codec.transform.trellis import FEWEST_SYMBOLS
 
 Int64 = npt.NDArray[np.int64]
+UInt8 = npt.NDArray[np.uint8]
 Float64 = npt.NDArray[np.float64]
 
 #: share of the Gaussians whose steps are coarser than given
@@ -43,6 +53,17 @@ _THIN_OCTAVES = 6
 #: positions are coarser by up to the octaves of this share of the Gaussians, and this many
 _COARSE_RANK = 0.98
 _MOST_COARSE = 4
+
+
+def quantise_by(alone: ZeroBin, grading: Grading, attribute: Attribute) -> Quantise:
+    """How symbols of an attribute are chosen: by `alone`, but where two quantisers take turns."""
+    if attribute in grading.alternating:
+        return AlternatingQuantiser(alone).quantise
+
+    def nearest(residual: Int64, steps: Int64, _: UInt8) -> Int64:
+        return alone.quantise(residual, steps)
+
+    return nearest
 
 
 @dataclass(frozen=True)
@@ -69,7 +90,8 @@ class GradedPlan:
         octaves = coarse_octaves(levels[Attribute.POSITION], known[Attribute.POSITION], _MOST_COARSE)
         coarse = int(np.quantile(octaves, _COARSE_RANK, method="lower"))
         thin = 0 if Attribute.SCALE in quantisation.bounded else _THIN_OCTAVES
-        return GradedPlan(cover, Grading(coarse, levels, thin))
+        alternating = planes.keys() - quantisation.bounded - {Attribute.POSITION}
+        return GradedPlan(cover, Grading(coarse, levels, thin, frozenset(alternating)))
 
     def order(self, positions: Int64, quantisation: Quantisation) -> tuple[Int64, SortGrid]:
         """Canonical order of `positions` (N, 3) in grid units, and the sort grid."""
@@ -84,14 +106,15 @@ class GradedPlan:
         """What is to be coded; `planes` in canonical order, which is `order` of the input's."""
         step = quantisation.graded_steps[Attribute.POSITION]
         indices = round_divide(planes[Attribute.POSITION], step)
-        bins = {a: ZeroBin(0.5 if a in quantisation.bounded else zero_bin).quantise for a in planes}
+        bins = {a: ZeroBin(0.5 if a in quantisation.bounded else zero_bin) for a in planes}
+        quantise = {a: quantise_by(alone, self.grading, a) for a, alone in bins.items()}
 
         def turns(rotation: GradedRotation) -> ChooseTurns:
             return TurnChooser(planes[Attribute.ROTATION], rotation).choose
 
         coarse = build_levels(indices >> self.grading.coarse_log2)
         classes = cover_classes(self.cover[order], coarse)
-        return GradedTarget(planes, indices, classes, None, bins, turns)
+        return GradedTarget(planes, indices, classes, None, quantise, turns)
 
 
 def steps_in_intra_frame(
@@ -135,12 +158,12 @@ def inter_levels(
 
 @dataclass(frozen=True)
 class TurnChooser:
-    """Chooses tilts and spins: to the nearest, from where the frame is expected."""
+    """Chooses tilts and spins from where the frame is expected: to the nearest, or the best path."""
 
     quaternions: Int64
     rotation: GradedRotation
 
-    def choose(self, rows: slice, frames: Int64) -> Turns:
+    def choose(self, rows: slice, frames: Int64, contexts: TurnContexts) -> Turns:
         """Symbols of the Gaussians `rows`."""
         is_needle = self.rotation.is_needle[rows]
         pole = np.where(is_needle, 1, 3)
@@ -150,13 +173,21 @@ class TurnChooser:
         stereo = swing[:, 1:] / (1.0 + swing[:, :1]) * STEREO_ONE
         parts = np.where(is_needle[:, None], stereo[:, 1:], stereo[:, :2])
         steps = self.rotation.tilt_steps[rows]
-        tilts = np.rint(parts / steps[:, None]).astype(np.int64)
+        both = np.concatenate([contexts[0]] * 2)
+        tilts = self._nearest((parts / steps[:, None]).T.ravel(), both).reshape(2, -1).T
         # what is left to turn once the tilt is rounded
-        tilted, _ = pole_turns(tilts * steps[:, None], np.zeros(len(steps), np.int64), is_needle)
+        rounded = self.rotation.tilts_of(tilts, steps)
+        tilted, _ = pole_turns(rounded, np.zeros(len(steps), np.int64), is_needle)
         conjugate = tilted * np.array([1, -1, -1, -1])
         left = _twist(multiply(conjugate, np.rint(turn * ONE).astype(np.int64)) / ONE, pole)
         spin = left[np.arange(len(left)), pole] / (1.0 + left[:, 0]) * STEREO_ONE
-        return Turns(tilts, np.rint(spin / self.rotation.spin_steps[rows]).astype(np.int64), flips)
+        return Turns(tilts, self._nearest(spin / self.rotation.spin_steps[rows], contexts[1]), flips)
+
+    def _nearest(self, real: Float64, contexts: UInt8) -> Int64:
+        """Symbols of turns (rows,), in steps."""
+        if not self.rotation.alternating or len(real) < FEWEST_SYMBOLS:
+            return np.rint(real).astype(np.int64)
+        return best_path(real, contexts)
 
 
 def _twist(turns: Float64, pole: Int64) -> Float64:

@@ -19,6 +19,7 @@ from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.sensitivity import image_errors
 from dfcgs_codec.encoder.targets import Targets
+from dfcgs_codec.encoder.trellis_search import ALTERNATING_ERROR
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.rotation import round_divide
 
@@ -79,6 +80,8 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
     real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
     drawn = Quantised(planes, real, units, plan.options.intra_zero_bin, placing.graded.grading.thin_octaves)
     errors = image_errors(first, found, drawn.draw)
+    for attribute in placing.graded.grading.alternating & errors.keys():
+        errors[attribute] *= ALTERNATING_ERROR
     graded = balanced_octaves(errors, drawn, bounded)
     inter: dict[Attribute, float] = {}
     if plan.header.num_frames > 1:

@@ -42,13 +42,13 @@ REFERENCE_VALUES = 37
 #: where cover and visibility are known the proportion that is best is another one
 GRADED_OCTAVES = {
     Attribute.POSITION: -0.5,
-    Attribute.SCALE: -0.6,
-    Attribute.ROTATION: -0.9,
-    Attribute.OPACITY: -0.8,
-    Attribute.SH_DC: -0.2,
-    Attribute.SH_1: -0.3,
-    Attribute.SH_2: -0.3,
-    Attribute.SH_3: -0.3,
+    Attribute.SCALE: -0.45,
+    Attribute.ROTATION: -0.75,
+    Attribute.OPACITY: -0.65,
+    Attribute.SH_DC: -0.05,
+    Attribute.SH_1: 0.0,
+    Attribute.SH_2: 0.0,
+    Attribute.SH_3: 0.0,
 }
 #: what `--bound` accepts, and its unit
 BOUND_UNITS = {

@@ -16,7 +16,7 @@ from dfcgs_codec.bitstream.constants import (
 
 def test_magic_shows_damage_by_text_mode_and_seven_bit_transfers() -> None:
     assert MAGIC == b"\x89DGS\r\n\x1a\n"
-    assert BITSTREAM_VERSION == 9
+    assert BITSTREAM_VERSION == 10
 
 
 def test_only_encoder_info_may_be_skipped() -> None:

@@ -120,6 +120,7 @@ GRADINGS = st.builds(
     st.integers(0, MAX_COARSE_LOG2),
     st.fixed_dictionaries(dict.fromkeys(coded_attributes(SMALL.sh_degree), st.integers(-900, STATE_LIMIT))),
     st.integers(0, MAX_THIN_OCTAVES),
+    st.frozensets(st.sampled_from(coded_attributes(SMALL.sh_degree)[1:])),
 )
 SORT_GRIDS = st.builds(
     SortGrid,
@@ -381,6 +382,7 @@ def intra_header(**changes: Any) -> IntraHeader:
 
 
 LEVELS_OF_TWO = dict.fromkeys(coded_attributes(2), 0)
+NONE: frozenset[Attribute] = frozenset()
 GRADED = {"lengths": (0,) * 9}
 
 
@@ -397,15 +399,29 @@ GRADED = {"lengths": (0,) * 9}
         ({"control": ControlHeader(ControlRule.STRIDE, 9, 32)}, LimitExceeded, "control_shift"),
         ({"control": ControlHeader(2, 9, 6)}, UnsupportedBitstream, "control_rule"),
         (
-            {"grading": Grading(0, LEVELS_OF_TWO, MAX_THIN_OCTAVES + 1), **GRADED},
+            {"grading": Grading(0, LEVELS_OF_TWO, MAX_THIN_OCTAVES + 1, NONE), **GRADED},
             LimitExceeded,
             "thin_octaves",
         ),
-        ({"grading": Grading(MAX_COARSE_LOG2 + 1, LEVELS_OF_TWO, 0), **GRADED}, LimitExceeded, "coarse_log2"),
         (
-            {"grading": Grading(0, LEVELS_OF_TWO | {Attribute.SH_2: STATE_LIMIT + 1}, 0), **GRADED},
+            {"grading": Grading(MAX_COARSE_LOG2 + 1, LEVELS_OF_TWO, 0, NONE), **GRADED},
+            LimitExceeded,
+            "coarse_log2",
+        ),
+        (
+            {"grading": Grading(0, LEVELS_OF_TWO | {Attribute.SH_2: STATE_LIMIT + 1}, 0, NONE), **GRADED},
             LimitExceeded,
             "visibility_level",
+        ),
+        (
+            {"grading": Grading(0, LEVELS_OF_TWO, 0, frozenset({Attribute.POSITION})), **GRADED},
+            CorruptBitstream,
+            "alternating",
+        ),
+        (
+            {"grading": Grading(0, LEVELS_OF_TWO, 0, frozenset({Attribute.SH_3})), **GRADED},
+            CorruptBitstream,
+            "alternating",
         ),
     ],
 )
@@ -415,7 +431,7 @@ def test_intra_header_refuses(changes: dict[str, Any], error: type[Exception], w
 
 
 def test_thin_axes_need_a_grid_that_octaves_can_be_told_on() -> None:
-    data = write(intra_header(grading=Grading(0, LEVELS_OF_TWO, 1), **GRADED))
+    data = write(intra_header(grading=Grading(0, LEVELS_OF_TWO, 1, NONE), **GRADED))
     for exponent, is_fine in ((MAX_THIN_EXPONENT, True), (MAX_THIN_EXPONENT + 1, False)):
         sequence = replace(SMALL, unit_exponents=replace(SMALL.unit_exponents, scale=exponent))
         with nullcontext() if is_fine else pytest.raises(CorruptBitstream, match="thin axes"):

@@ -23,7 +23,11 @@ from tests.helpers import clustered_cloud, make_cloud, real_cloud
 
 
 def task(
-    cloud: GaussianCloud, coarse_log2: int | None = None, cover: np.ndarray | None = None
+    cloud: GaussianCloud,
+    coarse_log2: int | None = None,
+    cover: np.ndarray | None = None,
+    *,
+    alternating: bool = True,
 ) -> tuple[GradedTarget, GradedShape]:
     """A cloud at medium quality, classes drawn at random."""
     quantisation = plan_quantisation(28, (), cloud, 100.0)
@@ -35,6 +39,8 @@ def task(
     plan = GradedPlan.of(planes, cover, quantisation)
     if coarse_log2 is not None:
         plan = replace(plan, grading=replace(plan.grading, coarse_log2=coarse_log2))
+    if not alternating:
+        plan = replace(plan, grading=replace(plan.grading, alternating=frozenset()))
     order, grid = plan.order(planes[Attribute.POSITION], quantisation)
     target = plan.target({a: v[order] for a, v in planes.items()}, order, quantisation, 0.5)
     shape = IntraShape(count, coded_attributes(cloud.sh_degree), False, grid)
@@ -77,7 +83,7 @@ def test_a_reader_gets_the_state(cloud: GaussianCloud, coarse_log2: int) -> None
 
 
 def test_every_value_is_within_half_its_step() -> None:
-    target, shape = task(real_cloud(1500))
+    target, shape = task(real_cloud(1500), alternating=False)
     _, state = write(target, shape)
     steps = steps_in_intra_frame(state, shape.units, shape.grading, shape.steps)
     scales, wanted = (
@@ -98,6 +104,20 @@ def test_every_value_is_within_half_its_step() -> None:
     # and not all have the same
     for attribute in (Attribute.POSITION, Attribute.SCALE, Attribute.OPACITY, Attribute.SH_DC):
         assert len(np.unique(steps[attribute])) > 1
+
+
+def test_two_quantisers_are_nearer_in_every_attribute_but_positions() -> None:
+    target, shape = task(real_cloud(3000))
+    assert shape.grading.alternating == set(shape.intra.attributes) - {Attribute.POSITION}
+    alone, plain = task(real_cloud(3000), alternating=False)
+    _, state = write(target, shape)
+    _, other = write(alone, plain)
+    for attribute in (Attribute.SCALE, Attribute.OPACITY, Attribute.SH_DC):
+        error, more = (
+            np.mean((found.planes[attribute].wide() - target.planes[attribute]) ** 2.0)
+            for found in (state, other)
+        )
+        assert error < 0.9 * more, attribute
 
 
 def test_thin_axes_cost_less_the_thinner_they_are() -> None:

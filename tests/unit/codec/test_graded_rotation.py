@@ -12,11 +12,12 @@ from dfcgs_codec.transform.lod import build_levels
 from dfcgs_codec.transform.rotation import ONE, from_float, multiply, normalise
 
 
-def rotation(count: int, tilt: int = 400, spin: int = 400) -> GradedRotation:
+def rotation(count: int, tilt: int = 400, spin: int = 400, *, alternating: bool = False) -> GradedRotation:
     rng = np.random.default_rng(5)
     positions = np.sort(rng.integers(0, 3000, (count, 3)), axis=0)
     needles = rng.random(count) < 0.5
-    return GradedRotation(np.full(count, tilt), np.full(count, spin), needles, build_levels(positions))
+    steps = np.full(count, tilt), np.full(count, spin)
+    return GradedRotation(*steps, needles, build_levels(positions), alternating)
 
 
 def any_turns(count: int) -> np.ndarray:
@@ -82,6 +83,19 @@ def test_settled_names_lead_to_what_was_decoded() -> None:
 
 def test_neighbours_that_agree_save_bytes() -> None:
     assert code(rotation(3000), alike(3000))[1] < 0.6 * code(rotation(3000), any_turns(3000))[1]
+
+
+@pytest.mark.parametrize("make", [any_turns, alike])
+def test_two_quantisers_are_nearer_at_fewer_bytes(make: object) -> None:
+    wanted = make(20_000)  # type: ignore[operator]
+    alone, size = code(rotation(20_000), wanted)
+    both, smaller = code(rotation(20_000, 440, 440, alternating=True), wanted)
+    assert smaller < size - 3 * 20_000 * 0.1 / 8
+
+    def error(found: np.ndarray) -> float:
+        return float(np.mean(1 - np.abs(relative(found, wanted)).max(axis=1)))
+
+    assert error(both) < error(alone)
 
 
 def test_spins_may_be_coarser_than_tilts() -> None:

@@ -1,0 +1,147 @@
+"""The best path through chains of two quantisers that take turns (spec section 9.8).
+
+Dynamic programming over the code's eight states, all chains of a pass at once. A path's cost are its squared
+errors, in steps, and its bits, as a Laplace distribution of the expected size has them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.encoder.analysis import ZeroBin
+from dfcgs_codec.transform.trellis import CHAIN_LENGTH, FEWEST_SYMBOLS, num_chains
+
+Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+Float32 = npt.NDArray[np.float32]
+UInt8 = npt.NDArray[np.uint8]
+
+#: squared steps that a bit is worth
+BIT_WORTH = 0.08
+#: squared errors where two quantisers take turns, to those of one of them alone
+ALTERNATING_ERROR = 0.78
+_LEAST_SIZE = 0.05
+#: what all residuals of a pass say of a context, in residuals of its own
+_OTHERS = 4
+_NUM_STATES = 8
+
+
+def _machine() -> tuple[Int64, Int64]:
+    """States before each state, and the parity that leads from there to it, (2, states).
+
+    A state's bits u, v, w: u is whose turn it is; after a symbol of parity p come u ^ v, w ^ p, u.
+    """
+    before: list[list[int]] = [[] for _ in range(_NUM_STATES)]
+    parity: list[list[int]] = [[] for _ in range(_NUM_STATES)]
+    for state in range(_NUM_STATES):
+        u, v, w = state >> 2, state >> 1 & 1, state & 1
+        for p in (0, 1):
+            after = (u ^ v) << 2 | (w ^ p) << 1 | u
+            before[after].append(state)
+            parity[after].append(p)
+    return np.array(before).T, np.array(parity).T
+
+
+_BEFORE, _PARITY = _machine()
+_SECOND = _BEFORE >> 2
+
+
+def _rates(sizes: Float64) -> tuple[Float64, Float64, Float64]:
+    """Bits of 0, of 1, and what each more takes, of symbols of expected magnitudes `sizes`, in steps.
+
+    Either quantiser as often: cells about zero reach to 0.5 and to 0.25, those about one to 1.5 and to 1.
+    """
+    tails = [np.exp(-reach / sizes) for reach in (0.5, 0.25, 1.5, 1.0)]
+    zero = 1.0 - 0.5 * (tails[0] + tails[1])
+    one = 0.25 * (tails[0] + tails[1] - tails[2] - tails[3])
+    return -np.log2(zero), -np.log2(one), 1.0 / (np.log(2.0) * sizes)
+
+
+def _candidates(residuals: Float64, sizes: Float64) -> tuple[Float64, Float32]:
+    """Magnitudes of symbols (4, rows), and their costs: by quantiser, then by parity."""
+    zero, one, more = _rates(np.maximum(sizes, _LEAST_SIZE))
+    magnitudes = np.abs(residuals)
+    nothing = magnitudes**2 + BIT_WORTH * zero
+    found, costs = [], []
+    for shift in (0.0, 0.5):
+        for odd in (0, 1):
+            symbols = np.maximum(2.0 * np.rint((magnitudes + shift - odd) * 0.5), 0.0) + odd
+            cost = (magnitudes - symbols + shift) ** 2 + BIT_WORTH * (one + more * (symbols - 1.0))
+            if not odd:
+                symbols[nothing <= cost] = 0.0
+                # 0 has no shift
+                cost = np.where(symbols > 0.0, cost, nothing)
+            found.append(symbols)
+            costs.append(cost)
+    return np.stack(found), np.stack(costs).astype(np.float32)
+
+
+def search(residuals: Float64, sizes: Float64) -> Int64:
+    """Symbols (rows,) for `residuals` (rows,), in steps, of expected magnitudes `sizes` (rows,)."""
+    count, chains = len(residuals), num_chains(len(residuals))
+    magnitudes, costs = _candidates(residuals, sizes)
+    padded = np.zeros((4, CHAIN_LENGTH * chains), np.float32)
+    padded[:, :count] = costs
+    branches = padded.reshape(4, CHAIN_LENGTH, chains)[2 * _SECOND + _PARITY].transpose(2, 0, 1, 3).copy()
+    came = np.empty((CHAIN_LENGTH, _NUM_STATES, chains), np.bool_)
+    total = np.full((_NUM_STATES, chains), np.inf, np.float32)
+    total[0] = 0.0
+    first, other = np.empty_like(total), np.empty_like(total)
+    for step in range(CHAIN_LENGTH):
+        np.take(total, _BEFORE[0], axis=0, out=first)
+        np.take(total, _BEFORE[1], axis=0, out=other)
+        first += branches[step, 0]
+        other += branches[step, 1]
+        np.less(other, first, out=came[step])
+        np.minimum(first, other, out=total)
+    choice = _trace(total, came).reshape(-1)[:count]
+    chosen = magnitudes[choice, np.arange(count)]
+    symbols: Int64 = (np.sign(residuals) * chosen).astype(np.int64)
+    return symbols
+
+
+def _trace(total: Float32, came: npt.NDArray[np.bool_]) -> Int64:
+    """Which of the four candidates each symbol takes, (CHAIN_LENGTH, chains)."""
+    length, _, chains = came.shape
+    columns = np.arange(chains)
+    candidates = (2 * _SECOND + _PARITY).reshape(-1)
+    before = _BEFORE.reshape(-1)
+    flat = came.reshape(length, -1)
+    choice = np.empty((length, chains), np.int64)
+    state = total.argmin(axis=0)
+    for step in range(length - 1, -1, -1):
+        branch = state + _NUM_STATES * flat[step, state * chains + columns]
+        choice[step] = candidates[branch]
+        state = before[branch]
+    return choice
+
+
+def sizes_by_context(residuals: Float64, contexts: UInt8) -> Float64:
+    """Mean magnitudes (rows,) of the residuals that share a context; where few do, of all, nearly."""
+    magnitudes = np.abs(residuals)
+    counts = np.bincount(contexts)
+    sums = np.bincount(contexts, magnitudes)
+    means = (sums + _OTHERS * magnitudes.mean()) / (counts + _OTHERS)
+    sizes: Float64 = means[contexts]
+    return sizes
+
+
+def best_path(residuals: Float64, contexts: UInt8) -> Int64:
+    """Symbols (rows,) for the `residuals` (rows,) of a pass, in steps, with their contexts."""
+    return search(residuals, sizes_by_context(residuals, contexts))
+
+
+@dataclass(frozen=True)
+class AlternatingQuantiser:
+    """Chooses symbols of columns in which two quantisers take turns; `alone` where there are too few."""
+
+    alone: ZeroBin
+
+    def quantise(self, residual: Int64, steps: Int64, contexts: UInt8) -> Int64:
+        """Symbols of grid residuals (rows,), a pass of them."""
+        if len(residual) < FEWEST_SYMBOLS:
+            return self.alone.quantise(residual, steps)
+        return best_path(residual / steps, contexts)
