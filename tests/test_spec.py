@@ -745,6 +745,7 @@ def _random_task(rng: np.random.Generator, count: int, attributes: list[Attribut
         np.clip(rng.integers(-4, 5, count).cumsum() // 4, 0, 15) * int(rng.integers(0, 2)),
         symbols.permutation,
         {a: quantise_by(ZeroBin(float(rng.choice([0.5, 0.6]))), grading, a) for a in attributes},
+        lambda _: planes[Attribute.OPACITY],
         lambda rotation: TurnChooser(planes[Attribute.ROTATION], rotation).choose,
         bool(rng.integers(0, 2)),
     )

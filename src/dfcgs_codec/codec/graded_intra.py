@@ -45,7 +45,8 @@ MAX_TURN_STEP = 1 << 16
 class GradedTarget:
     """What an encoder wants a frame to be: `planes` (N, C) in canonical order, classes, places, its choices.
 
-    `positions` (N, 3): in units of the position step. `turns`: how symbols of turns are chosen;
+    `positions` (N, 3): in units of the position step. `opacities`: what they, (N, 1), are to be beside the
+    scales that were decoded, (N, 3), both in grid units. `turns`: how symbols of turns are chosen;
     `keeps_names`: whether rotations keep their axes, for they are those of frames before.
     """
 
@@ -54,6 +55,7 @@ class GradedTarget:
     cover: Int64
     permutation: Int64 | None
     quantise: Mapping[Attribute, Quantise]
+    opacities: Callable[[Int64], Int64]
     turns: Callable[[GradedRotation], ChooseTurns]
     keeps_names: bool = False
 
@@ -78,15 +80,30 @@ class _Walk:
     lod: LevelsOfDetail
     planes: dict[Attribute, Int64] = field(default_factory=dict)
 
-    def columns(self, attribute: Attribute, weights: Int64, earlier: Earlier) -> None:
-        """Code the columns of an attribute, each with the help of `earlier` ones and those before it."""
+    def opacities(self, weights: Int64) -> None:
+        """Code the opacities, beside the scales."""
+        wanted = None
+        if self.target is not None:
+            wanted = self.target.opacities(self.planes[Attribute.SCALE])
+        self.columns(Attribute.OPACITY, weights, Earlier(), wanted)
+
+    def colours(self, attribute: Attribute, weights: Int64, earlier: Earlier) -> None:
+        """Code colours, with the help of `earlier` ones."""
+        wanted = None if self.target is None else self.target.planes[attribute]
+        self.columns(attribute, weights, earlier, wanted)
+
+    def columns(self, attribute: Attribute, weights: Int64, earlier: Earlier, plane: Int64 | None) -> None:
+        """Code the columns of an attribute, each with the help of `earlier` ones and those before it.
+
+        `plane` (N, C): what they are to be, None when reading.
+        """
         coder, target, grading = self.next_coder(), self.target, self.shape.grading
         steps = steps_of(self.shape.steps[attribute], grading.levels[attribute], weights)
         found = []
         for column in range(STATE_COLUMNS[attribute]):
             wanted = None
-            if target is not None:
-                wanted = Target(target.planes[attribute][:, column], target.quantise[attribute])
+            if target is not None and plane is not None:
+                wanted = Target(plane[:, column], target.quantise[attribute])
             graded = GradedColumn(steps, self.lod, earlier, attribute in grading.alternating)
             found.append(graded.code(coder, wanted))
         self.planes[attribute] = np.stack(found, axis=1)
@@ -180,7 +197,7 @@ def code_graded(
     cover = walk.cover()
     walk.scales(IntraWeights.of_cover(cover))
     axes = axes_of(walk.planes[Attribute.SCALE], shape.units.scale)
-    walk.columns(Attribute.OPACITY, (IntraWeights.area(axes) >> 1) + IntraWeights.of_cover(cover), Earlier())
+    walk.opacities((IntraWeights.area(axes) >> 1) + IntraWeights.of_cover(cover))
     alpha = alpha_weights(walk.planes[Attribute.OPACITY][:, 0], shape.units.opacity)
     weights = IntraWeights(cover, axes, alpha)
     walk.positions(coarse, weights.of(Attribute.POSITION))
@@ -188,6 +205,6 @@ def code_graded(
     colours = Earlier()
     for attribute in intra.attributes:
         if attribute >= Attribute.SH_DC:
-            walk.columns(attribute, weights.of(attribute), colours)
+            walk.colours(attribute, weights.of(attribute), colours)
     planes = {attribute: Plane(walk.planes[attribute]) for attribute in intra.attributes}
     return FrameState(planes, order, cover=cover)

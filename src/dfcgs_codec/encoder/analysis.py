@@ -23,7 +23,7 @@ Planes = dict[Attribute, Int64]
 
 
 #: errors that a coarser step of an I-frame left, in such steps, are not worth mending
-SLACK = 0.75
+SLACK = 0.6
 
 
 @dataclass(frozen=True)

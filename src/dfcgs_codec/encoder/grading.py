@@ -32,6 +32,7 @@ from dfcgs_codec.codec.visibility import (
 from dfcgs_codec.encoder.analysis import Planes, ZeroBin, order_of, plan_grid
 from dfcgs_codec.encoder.canonical import AxisNames
 from dfcgs_codec.encoder.cover import cover_classes
+from dfcgs_codec.encoder.joint_quantisation import opacities_beside
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.trellis_search import AlternatingQuantiser, best_path
 from dfcgs_codec.transform.companding import thin_octaves
@@ -114,7 +115,13 @@ class GradedPlan:
 
         coarse = build_levels(indices >> self.grading.coarse_log2)
         classes = cover_classes(self.cover[order], coarse)
-        return GradedTarget(planes, indices, classes, None, quantise, turns)
+
+        def opacities(decoded: Int64) -> Int64:
+            if Attribute.OPACITY in quantisation.bounded:
+                return planes[Attribute.OPACITY]
+            return opacities_beside(decoded, planes, quantisation.units)
+
+        return GradedTarget(planes, indices, classes, None, quantise, opacities, turns)
 
 
 def steps_in_intra_frame(

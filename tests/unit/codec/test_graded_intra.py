@@ -98,6 +98,9 @@ def test_every_value_is_within_half_its_step() -> None:
             assert (
                 2 * error <= np.maximum(steps[attribute][:, 2], steps[attribute][:, 0] << zones) + 128
             ).all()
+        elif attribute == Attribute.OPACITY:
+            error = np.abs(plane.wide() - target.opacities(scales))
+            assert (2 * error <= steps[attribute] + 1).all()
         elif attribute != Attribute.ROTATION:
             error = np.abs(plane.wide() - target.planes[attribute])
             assert (2 * error <= steps[attribute] + 1).all(), attribute
