@@ -69,21 +69,45 @@ class ResidualCoding:
 
 
 @dataclass(frozen=True)
+class CodedTopology:
+    """Header and streams of a TOPOLOGY chunk without places, and the Gaussians that come."""
+
+    header: TopologyHeader
+    streams: list[bytes]
+    born: FrameState | None
+
+
+@dataclass(frozen=True)
 class TopologyChange:
     """Who goes and comes in a frame, of `num_before` Gaussians; `births`: how births are coded, if any come.
 
-    `inputs`: index in the input of survivors, then births, where the output is to come in that order.
+    `inputs`: index in the input of survivors, then births, where the output is to come in that order;
+    `memo`: what `coded` found.
     """
 
     kept: Int64
     num_before: int
     births: IntraTask | None
     inputs: Int64 | None = None
+    memo: list[CodedTopology] = field(default_factory=list, init=False, compare=False, repr=False)
 
     @property
     def num_births(self) -> int:
         """How many come."""
         return 0 if self.births is None else self.births.count
+
+    def coded(self, units: UnitExponents) -> CodedTopology:
+        """Coded once for all motions that are tried: they change nothing here."""
+        if not self.memo:
+            births, streams = self.births, Streams()
+            grid = None if births is None else births.grid
+            used, grading = ({}, None) if births is None else (births.used, births.grading)
+            num_removals = self.num_before - len(self.kept)
+            header = TopologyHeader(num_removals, False, self.num_births, grid, used, grading)
+            symbols = TopologySymbols(self.kept, None if births is None else births.target)
+            _, born = code_topology(streams.next, symbols, header, (self.num_before, units))
+            self.memo.append(CodedTopology(header, streams.finish(), born))
+        return self.memo[0]
 
 
 def _intra_chunk(frame_index: int, header: IntraHeader, streams: list[bytes]) -> bytes:
@@ -197,13 +221,9 @@ def _topology(
     frame_index: int, change: TopologyChange, state: GofState, block_log2: int
 ) -> tuple[bytes, GofState, Int64 | None]:
     """The chunk, and `state`, the survivors' after the frame, with births and all in their places."""
-    births, streams, source, places = change.births, Streams(), None, None
-    num_removals = change.num_before - len(change.kept)
-    grid = None if births is None else births.grid
-    used, grading = ({}, None) if births is None else (births.used, births.grading)
-    header = TopologyHeader(num_removals, False, change.num_births, grid, used, grading)
-    symbols = TopologySymbols(change.kept, None if births is None else births.target)
-    _, born = code_topology(streams.next, symbols, header, (change.num_before, state.visibility.units))
+    coded = change.coded(state.visibility.units)
+    header, born, source, places = coded.header, coded.born, None, None
+    streams = Streams()
     if born is not None:
         source = state.places_of_births(born)
         state = state.with_births(born, source, block_log2)
@@ -214,7 +234,8 @@ def _topology(
         state = state.in_places(code_places(streams.next(), places, state.expected_places()))
     writer = ByteWriter()
     header.write(writer)
-    return _chunk_of_streams(ChunkType.TOPOLOGY, frame_index, writer, streams.finish()), state, source
+    chunk = _chunk_of_streams(ChunkType.TOPOLOGY, frame_index, writer, coded.streams + streams.finish())
+    return chunk, state, source
 
 
 def code_inter_frame(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.bitstream.frame_headers import SortGrid
+from dfcgs_codec.bitstream.frame_headers import Grading, SortGrid
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.visibility import MULTIPLIER_BITS, Visibility
 from dfcgs_codec.encoder.analysis import Planes, order_of, plan_grid
@@ -72,28 +73,47 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
     assert placing.names is not None
     assert placing.graded is not None
     planes = placing.names.rename(planes)
-    quantisation = plan.quantisation
-    units, bounded = quantisation.units, quantisation.bounded
+    bounded, grading = plan.quantisation.bounded, placing.graded.grading
     cover = np.rint(placing.graded.cover).astype(np.int64)
     state = FrameState({a: Plane(plane) for a, plane in planes.items()}, cover=cover)
-    steps = steps_in_intra_frame(state, units, placing.graded.grading, quantisation.graded_steps)
-    real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
-    drawn = Quantised(planes, real, units, plan.options.intra_zero_bin, placing.graded.grading.thin_octaves)
-    errors = image_errors(first, found, drawn.draw)
-    for attribute in placing.graded.grading.alternating & errors.keys():
+    intra, inter = _in_intra_frames(state, plan, grading), None
+    with ThreadPoolExecutor(2) as beside:
+        looked = beside.submit(image_errors, first, found, intra.draw)
+        if plan.header.num_frames > 1:
+            inter = _in_inter_frames(state, plan)
+            looked_inter = beside.submit(image_errors, first, found, inter.draw)
+    errors = looked.result()
+    for attribute in grading.alternating & errors.keys():
         errors[attribute] *= ALTERNATING_ERROR
-    graded = balanced_octaves(errors, drawn, bounded)
-    inter: dict[Attribute, float] = {}
-    if plan.header.num_frames > 1:
-        visibility = Visibility(state, units)
-        coarser = visibility.all_multipliers(inter_levels(visibility, planes, bounded))
-        real = {
-            a: by.astype(np.float64) * (quantisation.steps[a] / (1 << MULTIPLIER_BITS))
-            for a, by in coarser.items()
-        }
-        drawn = Quantised(planes, real, units, plan.options.zero_bin)
-        limit = _INTER_ERROR * sum(errors.values())
-        errors = image_errors(first, found, drawn.draw)
-        inter = {a: _INTER_SHARE * octave for a, octave in balanced_octaves(errors, drawn, bounded).items()}
-        inter = no_worse(inter, errors, limit)
-    return replace(plan, quantisation=quantisation.balanced(graded, inter), first_light=found)
+    graded = balanced_octaves(errors, intra, bounded)
+    octaves: dict[Attribute, float] = {}
+    if inter is not None:
+        limit, errors = _INTER_ERROR * sum(errors.values()), looked_inter.result()
+        octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(errors, inter, bounded).items()}
+        octaves = no_worse(octaves, errors, limit)
+    return replace(plan, quantisation=plan.quantisation.balanced(graded, octaves), first_light=found)
+
+
+def _wide(state: FrameState) -> dict[Attribute, Int64]:
+    return {attribute: plane.wide() for attribute, plane in state.planes.items()}
+
+
+def _in_intra_frames(state: FrameState, plan: SequencePlan, grading: Grading) -> Quantised:
+    """The Gaussians of `state` as I-frames quantise them."""
+    quantisation = plan.quantisation
+    steps = steps_in_intra_frame(state, quantisation.units, grading, quantisation.graded_steps)
+    real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
+    zero_bin = plan.options.intra_zero_bin
+    return Quantised(_wide(state), real, quantisation.units, zero_bin, grading.thin_octaves)
+
+
+def _in_inter_frames(state: FrameState, plan: SequencePlan) -> Quantised:
+    """As P-frames quantise what changes."""
+    quantisation = plan.quantisation
+    visibility = Visibility(state, quantisation.units)
+    coarser = visibility.all_multipliers(inter_levels(visibility, state.planes, quantisation.bounded))
+    real = {
+        a: by.astype(np.float64) * (quantisation.steps[a] / (1 << MULTIPLIER_BITS))
+        for a, by in coarser.items()
+    }
+    return Quantised(_wide(state), real, quantisation.units, plan.options.zero_bin)
