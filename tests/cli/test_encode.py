@@ -260,3 +260,18 @@ def test_the_papers_compensation(frames_dir: Path, tmp_path: Path) -> None:
     assert [frame["control_points"] for frame in info["frames"][1:]] == [count // 10] * (
         len(info["frames"]) - 1
     )
+
+
+def test_values_that_the_input_has_quantised_are_kept(tmp_path: Path) -> None:
+    cloud = real_cloud(1200)
+    rest = (np.rint(cloud.sh_rest * 8) / 8).astype(np.float32)
+    write_frames(tmp_path / "frames", [replace(cloud, sh_rest=rest)])
+    sizes = {}
+    for exact in ("auto", "off"):
+        target = tmp_path / f"{exact}.dgs"
+        done = dfcgs("encode", tmp_path / "frames", target, "--quality", "high", "--exact", exact, "--json")
+        assert done.returncode == 0, done.stderr
+        assert (json.loads(done.stdout)["errors"]["sh"]["max"] == 0.0) == (exact == "auto")
+        assert ("SH_1 (0.125)" in done.stderr) == (exact == "auto")
+        sizes[exact] = target.stat().st_size
+    assert sizes["auto"] < sizes["off"]

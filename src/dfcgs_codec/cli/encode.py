@@ -87,6 +87,7 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         visibility=values["steps"] == "visibility",
         cover=values["cover"] == "auto",
         balance=values["balance"] == "auto",
+        exact=values["exact"] == "auto",
         prior=PriorMode(values["prior"]),
         intra=IntraKind[values["intra"].upper()],
         order=OutputOrder[values["order"].upper()],
@@ -227,6 +228,13 @@ def _summary(report: EncodeReport, target: Path) -> str:
     default="auto",
     show_default=True,
     help="Whether steps of attributes follow how much each shows in the first frame.",
+)
+@click.option(
+    "--exact",
+    type=click.Choice(["auto", "off"]),
+    default="auto",
+    show_default=True,
+    help="Whether values that another tool has quantised are kept as they are, where that is smaller.",
 )
 @click.option(
     "--intra",

@@ -9,9 +9,10 @@ from typing import BinaryIO
 
 import numpy as np
 
-from dfcgs_codec.bitstream.constants import LEVELS, MODEL_HASH_BYTES, ChunkType, Profile
+from dfcgs_codec.bitstream.constants import LEVELS, MODEL_HASH_BYTES, ChunkType, IntraKind, Profile
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
+from dfcgs_codec.encoder.lattice import keep_exactly
 from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, PAPER_GOF_SIZE, EncoderOptions
 from dfcgs_codec.encoder.parallel import code_in_parallel
 from dfcgs_codec.encoder.placing import balanced_plan
@@ -56,6 +57,8 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     first, _ = source.read(0)
     reach = float(np.abs(first.positions).max())
     quantisation = plan_quantisation(options.qp, options.bounds, first, reach)
+    if options.exact and options.profile == Profile.MAIN and options.intra == IntraKind.CODED:
+        quantisation = keep_exactly(quantisation, source, first)
     model = installed(options.model) if options.model else None
     header = SequenceHeader(
         profile=options.profile,

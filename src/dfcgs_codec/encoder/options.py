@@ -72,7 +72,8 @@ class EncoderOptions:
     control points moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one
     control point for `control_spacing` Gaussians (M of the paper);
     `visibility`: steps are coarser for what shows less; `cover`: so they are for what lies behind others;
-    `balance`: steps of attributes follow what they show in the first frame;
+    `balance`: steps of attributes follow what they show in the first frame; `exact`: values that the
+    input has quantised are kept as they are, where that is smaller;
     `intra_zero_bin` is that of I-frames; `prior`: which streams of P-frames take
     the frozen prior; `model_id` names another model than the profile's own; `jobs` processes.
 
@@ -101,6 +102,7 @@ class EncoderOptions:
     visibility: bool = True
     cover: bool = True
     balance: bool = True
+    exact: bool = True
     intra_zero_bin: float = 0.6
     jobs: int = 1
 
@@ -121,10 +123,17 @@ class EncoderOptions:
             f"--latent-step {self.latent_step}: a power of two, 1/16 to 64, was expected": (
                 MIN_LATENT_STEP_LOG2 <= _log2(self.latent_step) <= MAX_LATENT_STEP_LOG2
             ),
-            "--motion, --compensation, --steps, --cover, --balance and --prior belong to --profile main": (
+            "--motion, --compensation, --steps, --cover, --balance, --exact and --prior belong to "
+            "--profile main": (
                 self.profile == Profile.MAIN
-                or (self.motion, self.compensation, self.visibility, self.cover, self.balance, self.prior)
-                == (MotionMode.AUTO, Compensation.GATHER, True, True, True, PriorMode.AUTO)
+                or (
+                    (self.motion, self.compensation, self.prior)
+                    == (MotionMode.AUTO, Compensation.GATHER, PriorMode.AUTO)
+                    and self.visibility
+                    and self.cover
+                    and self.balance
+                    and self.exact
+                )
             ),
             "--latent-step and --refinement belong to --profile paper": (
                 self.profile == Profile.PAPER
@@ -163,7 +172,7 @@ class EncoderOptions:
             f"dfcgs-codec {__version__} qp={self.qp:g} gof_size={self.gof_size or 'auto'}"
             f" prior={self.prior.value}{'/' if self.model else ''}{self.model}"
             f" motion={motion} control={self.control_rule.name.lower()}/{self.control_spacing}"
-            f" steps={self._steps}"
+            f" steps={self._steps}{'' if self.exact else ' exact=off'}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
         )
 

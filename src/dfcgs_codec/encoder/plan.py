@@ -42,11 +42,16 @@ class SequencePlan:
 
     @property
     def is_graded(self) -> bool:
-        """Whether steps of I-frames follow visibility; a bounded turn needs its axes as they come."""
+        """Whether steps of I-frames follow visibility; a bounded turn needs its axes as they come.
+
+        What is to be kept exactly has one step for all.
+        """
         options = self.options
         possible = options.profile == Profile.MAIN and options.intra == IntraKind.CODED
         wanted = options.visibility and not options.keep_axes
-        return possible and wanted and Attribute.ROTATION not in self.quantisation.bounded
+        if self.quantisation.exact or Attribute.ROTATION in self.quantisation.bounded:
+            return False
+        return possible and wanted
 
     @property
     def gof_setup(self) -> GofSetup:

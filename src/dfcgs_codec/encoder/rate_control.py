@@ -105,13 +105,15 @@ class Bound:
 class Quantisation:
     """Grids, steps in grid units, and the attributes whose error is bounded (no dead zone).
 
-    `steps` are those of P-frames and of ungraded I-frames, `graded_steps` those of graded ones.
+    `steps` are those of P-frames and of ungraded I-frames, `graded_steps` those of graded ones; `exact`:
+    attributes whose steps are those that the input was quantised with.
     """
 
     units: UnitExponents
     steps: dict[Attribute, int]
     bounded: frozenset[Attribute]
     graded_steps: dict[Attribute, int]
+    exact: frozenset[Attribute] = frozenset()
     notes: tuple[str, ...] = ()
 
     def balanced(self, graded: Mapping[Attribute, float], inter: Mapping[Attribute, float]) -> Quantisation:
@@ -170,7 +172,7 @@ def _position_exponent(step: float, reach: float) -> int:
     return max(holding, roomy, _exponent(step, 40))
 
 
-def _exponents(units: UnitExponents) -> dict[Attribute, int]:
+def exponents_of(units: UnitExponents) -> dict[Attribute, int]:
     """log2 of the unit of each attribute's steps."""
     return {
         Attribute.POSITION: units.position,
@@ -218,7 +220,7 @@ def plan_quantisation(
         opacity=_exponent(real[Attribute.OPACITY], _COARSEST_EXPONENT),
         color=_exponent(min(real[a] for a in colours), _COARSEST_EXPONENT),
     )
-    exponents = _exponents(units)
+    exponents = exponents_of(units)
     steps = {}
     for attribute, step in real.items():
         grid = step / 2.0 ** exponents[attribute]
@@ -232,4 +234,4 @@ def plan_quantisation(
             f"{2.0**units.position:g}; remove such outliers to keep the scene sharp"
         )
     graded = _coarser(steps, {a: octaves for a, octaves in GRADED_OCTAVES.items() if a not in limits})
-    return Quantisation(units, steps, frozenset(limits), graded, tuple(notes))
+    return Quantisation(units, steps, frozenset(limits), graded, notes=tuple(notes))
