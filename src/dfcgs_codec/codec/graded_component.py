@@ -42,15 +42,30 @@ class Target:
 
 @dataclass
 class Earlier:
-    """Residuals of the columns coded before, in grid units, and their magnitudes; all (N,)."""
+    """Residuals of the columns coded before, in grid units, and their magnitudes; all (N,).
+
+    `in_steps`: what a writer has seen of both in the `steps` that it had last.
+    """
 
     residuals: list[Int64] = field(default_factory=list)
     magnitudes: list[Int64] = field(default_factory=list)
+    in_steps: tuple[list[AnyReal], list[AnyReal]] = ([], [])
+    steps: Int64 | None = None
 
     def add(self, residual: Int64) -> None:
         """Remember a coded column."""
         self.residuals.append(residual)
         self.magnitudes.append(np.abs(residual))
+
+    def scaled(self, steps: Int64, part: slice) -> tuple[list[AnyReal], list[AnyReal]]:
+        """Residuals and magnitudes of the rows `part`, in `steps` (N,); known ones are not scaled twice."""
+        if self.steps is not steps:
+            self.in_steps, self.steps = ([], []), steps
+        for residual in self.residuals[len(self.in_steps[0]) :]:
+            found = residual[part] / steps[part]
+            self.in_steps[0].append(found)
+            self.in_steps[1].append(np.abs(found))
+        return self.in_steps
 
 
 @dataclass(frozen=True)
@@ -183,7 +198,7 @@ class _Evidence:
         """Features and goal of the value's weights."""
         steps, part = self._steps, self._part
         features: list[AnyReal] = [(self._neighbours(center)[0] - center) / steps]
-        features += [residual[part] / steps for residual in self._column.earlier.residuals]
+        features += self._column.earlier.scaled(self._column.steps, part)[0]
         return features, (self._target[part] - center) / steps
 
     def magnitudes(self, center: int, weights: Int64) -> tuple[list[AnyReal], npt.NDArray[np.float64]]:
@@ -193,7 +208,7 @@ class _Evidence:
             if weight:
                 goal = goal - feature * (weight / 256)
         own: list[AnyReal] = [self._neighbours(center)[1] / self._steps, np.ones(len(goal))]
-        return own + [np.abs(feature) for feature in features[1:]], np.abs(goal)
+        return own + self._column.earlier.scaled(self._column.steps, self._part)[1], np.abs(goal)
 
 
 def scaled_symbols(symbols: Int64, steps: Int64, *, alternating: bool) -> Int64:

@@ -147,7 +147,7 @@ def fit_weights(features: Sequence[AnyReal], goal: AnyReal) -> Int64:
     """Q8 weights (len(features),) of the least-squares prediction; those that do not pay are 0."""
     weights = np.zeros(len(features), np.int64)
     stride = max(1, len(goal) // _MAX_FIT_ROWS)
-    matrix = np.stack([f[::stride] for f in features]).astype(np.float64)
+    matrix = np.array([f[::stride] for f in features], np.float64)
     target = goal[::stride].astype(np.float64)
     gram, cross, total = matrix @ matrix.T, matrix @ target, float(target @ target)
     costs = np.full(len(features), _WEIGHT_COST)

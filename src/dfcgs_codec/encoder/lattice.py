@@ -21,6 +21,8 @@ from dfcgs_codec.sequence import FrameSource
 _FINEST_LOG2 = 12
 #: so many of the values lie on the lattice at least, and so many are not zero
 _SHARE, _NOT_ZERO = 0.999, 0.01
+#: most inputs are told from lattices by so many values
+_LOOKED_AT = 2000
 #: values that are neither 0 nor 1 nor -1 times the step, at least
 _FEWEST = 8
 #: octaves, in the mean of the columns, by which lattices may be finer than the steps of graded I-frames: for
@@ -33,6 +35,9 @@ _LEAST_OCTAVES = -1.5
 def lattice_log2(values: npt.NDArray[np.float32]) -> int | None:
     """log2, 0 to -12, of the largest power of two that nearly all `values` are multiples of, or None."""
     if np.count_nonzero(values) < _NOT_ZERO * values.size:
+        return None
+    some = np.ldexp(values.ravel()[:: max(1, values.size // _LOOKED_AT)], _FINEST_LOG2)
+    if np.count_nonzero(some == np.rint(some)) < 0.9 * len(some):
         return None
     for exponent in range(_FINEST_LOG2 + 1):
         scaled = np.ldexp(values, exponent)

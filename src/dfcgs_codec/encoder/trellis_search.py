@@ -60,9 +60,9 @@ def _rates(sizes: Float64) -> tuple[Float64, Float64, Float64]:
     return -np.log2(zero), -np.log2(one), 1.0 / (np.log(2.0) * sizes)
 
 
-def _candidates(residuals: Float64, sizes: Float64) -> tuple[Float64, Float32]:
+def _candidates(residuals: Float64, contexts: UInt8, sizes: Float64) -> tuple[Float64, Float32]:
     """Magnitudes of symbols (4, rows), and their costs: by quantiser, then by parity."""
-    zero, one, more = _rates(np.maximum(sizes, _LEAST_SIZE))
+    zero, one, more = (bits[contexts] for bits in _rates(np.maximum(sizes, _LEAST_SIZE)))
     magnitudes = np.abs(residuals)
     nothing = magnitudes**2 + BIT_WORTH * zero
     found, costs = [], []
@@ -79,10 +79,10 @@ def _candidates(residuals: Float64, sizes: Float64) -> tuple[Float64, Float32]:
     return np.stack(found), np.stack(costs).astype(np.float32)
 
 
-def search(residuals: Float64, sizes: Float64) -> Int64:
-    """Symbols (rows,) for `residuals` (rows,), in steps, of expected magnitudes `sizes` (rows,)."""
+def search(residuals: Float64, contexts: UInt8, sizes: Float64) -> Int64:
+    """Symbols (rows,) for `residuals` (rows,), in steps; `sizes`: magnitudes expected in each context."""
     count, chains = len(residuals), num_chains(len(residuals))
-    magnitudes, costs = _candidates(residuals, sizes)
+    magnitudes, costs = _candidates(residuals, contexts, sizes)
     padded = np.zeros((4, CHAIN_LENGTH * chains), np.float32)
     padded[:, :count] = costs
     branches = padded.reshape(4, CHAIN_LENGTH, chains)[2 * _SECOND + _PARITY].transpose(2, 0, 1, 3).copy()
@@ -119,19 +119,18 @@ def _trace(total: Float32, came: npt.NDArray[np.bool_]) -> Int64:
     return choice
 
 
-def sizes_by_context(residuals: Float64, contexts: UInt8) -> Float64:
-    """Mean magnitudes (rows,) of the residuals that share a context; where few do, of all, nearly."""
+def context_sizes(residuals: Float64, contexts: UInt8) -> Float64:
+    """Mean magnitudes (contexts,) of the residuals of each context; where few are, of all, nearly."""
     magnitudes = np.abs(residuals)
     counts = np.bincount(contexts)
     sums = np.bincount(contexts, magnitudes)
-    means = (sums + _OTHERS * magnitudes.mean()) / (counts + _OTHERS)
-    sizes: Float64 = means[contexts]
+    sizes: Float64 = (sums + _OTHERS * magnitudes.mean()) / (counts + _OTHERS)
     return sizes
 
 
 def best_path(residuals: Float64, contexts: UInt8) -> Int64:
     """Symbols (rows,) for the `residuals` (rows,) of a pass, in steps, with their contexts."""
-    return search(residuals, sizes_by_context(residuals, contexts))
+    return search(residuals, contexts, context_sizes(residuals, contexts))
 
 
 @dataclass(frozen=True)

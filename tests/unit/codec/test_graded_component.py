@@ -116,3 +116,17 @@ def test_values_beyond_the_state_are_refused() -> None:
     target = Target(np.array([0, 0, 2 * STATE_LIMIT]), nearest(0.5))
     with pytest.raises(CorruptBitstream, match="leaves the range"):
         GradedColumn(steps, lod, Earlier()).code(SymbolWriter(), target)
+
+
+def test_columns_before_are_scaled_once_for_the_same_steps() -> None:
+    earlier, fine, coarse = Earlier(), np.full(6, 2), np.full(6, 4)
+    earlier.add(np.array([8, -4, 0, 2, 6, 1]))
+    every_second = slice(None, None, 2)
+    (found,), (magnitude,) = earlier.scaled(fine, every_second)
+    assert found.tolist() == [4, 0, 3]
+    earlier.add(np.array([-2, 0, 4, 0, 0, 0]))
+    residuals, magnitudes = earlier.scaled(fine, every_second)
+    assert residuals[0] is found
+    assert magnitudes[0] is magnitude
+    assert magnitudes[1].tolist() == [1, 2, 0]
+    assert earlier.scaled(coarse, every_second)[0][1].tolist() == [-0.5, 1, 0]

@@ -7,12 +7,16 @@ import pytest
 
 from dfcgs_codec.encoder import trellis_search
 from dfcgs_codec.encoder.analysis import ZeroBin
-from dfcgs_codec.encoder.trellis_search import AlternatingQuantiser, search, sizes_by_context
+from dfcgs_codec.encoder.trellis_search import AlternatingQuantiser, context_sizes, search
 from dfcgs_codec.transform.trellis import CHAIN_LENGTH, FEWEST_SYMBOLS, second_quantisers
 
 
 def values(symbols: np.ndarray) -> np.ndarray:
     return symbols - 0.5 * np.sign(symbols) * second_quantisers(symbols)
+
+
+def searched(residuals: np.ndarray, size: float) -> np.ndarray:
+    return search(residuals, np.zeros(len(residuals), np.uint8), np.array([size]))
 
 
 def entropy(symbols: np.ndarray) -> float:
@@ -29,7 +33,7 @@ def test_no_path_is_nearer(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """One chain, errors alone: against every path through the first seven symbols."""
     monkeypatch.setattr(trellis_search, "BIT_WORTH", 0.0)
     residuals = np.random.default_rng(seed).uniform(-1.5, 1.5, 7)
-    found = search(residuals, np.ones(7))
+    found = searched(residuals, 1.0)
     error = ((values(found) - residuals) ** 2).sum()
     for symbols in product(range(-2, 3), repeat=7):
         path = np.array(symbols)
@@ -41,7 +45,7 @@ def test_no_path_is_nearer(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_bits_are_saved_at_the_same_error(size: float, saved: float) -> None:
     residuals = laplace(40_000, size)
-    found = search(residuals, np.full(len(residuals), size))
+    found = searched(residuals, size)
     error = np.mean((values(found) - residuals) ** 2)
     steps = np.geomspace(0.5, 1.3, 60)
     alone = [ZeroBin(0.6).quantise_real(residuals / step) for step in steps]
@@ -52,15 +56,15 @@ def test_bits_are_saved_at_the_same_error(size: float, saved: float) -> None:
 
 def test_chains_are_independent() -> None:
     residuals = laplace(10 * CHAIN_LENGTH, 2.0)
-    together = search(residuals, np.full(len(residuals), 2.0))
+    together = searched(residuals, 2.0)
     for chain in (0, 7):
-        alone = search(residuals[chain::10], np.full(CHAIN_LENGTH, 2.0))
+        alone = searched(residuals[chain::10], 2.0)
         assert np.array_equal(alone, together[chain::10])
 
 
 def test_far_values_are_reached() -> None:
     residuals = laplace(1000, 1.0) * 1e9
-    found = search(residuals, np.full(1000, 1.0))
+    found = searched(residuals, 1.0)
     assert np.abs(values(found) - residuals).max() <= 1.0
 
 
@@ -74,7 +78,7 @@ def test_few_symbols_are_left_to_one_quantiser() -> None:
 def test_sizes_are_those_of_a_context() -> None:
     contexts = np.repeat(np.array([3, 9, 20], np.uint8), [5000, 5000, 2])
     residuals = laplace(10_002, 1.0) * np.repeat([0.3, 8.0, 500.0], [5000, 5000, 2])
-    sizes = sizes_by_context(residuals, contexts)
-    assert sizes[0] == pytest.approx(np.abs(residuals[:5000]).mean(), rel=0.05)
-    assert sizes[5000] == pytest.approx(np.abs(residuals[5000:10_000]).mean(), rel=0.05)
-    assert sizes[-1] < np.abs(residuals[-2:]).mean()
+    sizes = context_sizes(residuals, contexts)
+    assert sizes[3] == pytest.approx(np.abs(residuals[:5000]).mean(), rel=0.05)
+    assert sizes[9] == pytest.approx(np.abs(residuals[5000:10_000]).mean(), rel=0.05)
+    assert sizes[20] < np.abs(residuals[-2:]).mean()
