@@ -1011,9 +1011,11 @@ class Graded(NamedTuple):
         return values
 
 
-def is_alternating(header: IntraHeader, attribute: int) -> bool:
-    """9.8: whether two quantisers take turns in an attribute."""
-    return header.grading is not None and bool(header.grading.alternating >> attribute & 1)
+def is_alternating(header: IntraHeader, attribute: int, column: int = 0) -> bool:
+    """9.8: whether two quantisers take turns in a column of an attribute."""
+    if header.grading is None or (attribute == SCALE and column == 2 and header.grading.thin_octaves):
+        return False
+    return bool(header.grading.alternating >> attribute & 1)
 
 
 def graded_column(stream: RangeDecoder, lods: Lods, earlier: Matrix, graded: Graded) -> tuple[Row, Row]:
@@ -1054,12 +1056,9 @@ def graded_column(stream: RangeDecoder, lods: Lods, earlier: Matrix, graded: Gra
     return value, residual
 
 
-def graded_columns(
-    stream: RangeDecoder, lods: Lods, earlier: Matrix, coding: tuple[int, Graded]
-) -> Iterator[Row]:
-    """As many columns as `coding` says, with its steps; `earlier` gets their residuals."""
-    num_columns, graded = coding
-    for _ in range(num_columns):
+def graded_columns(stream: RangeDecoder, lods: Lods, earlier: Matrix, coding: list[Graded]) -> Iterator[Row]:
+    """A column for each of `coding`; `earlier` gets their residuals."""
+    for graded in coding:
         value, residual = graded_column(stream, lods, earlier, graded)
         yield value
         earlier.append(residual)
@@ -1209,9 +1208,8 @@ def graded_intra(
     require(all(0 <= c <= MAX_COVER for c in cover))
 
     def columns(attribute: int, earlier: Matrix, step: Row) -> Matrix:
-        graded = Graded(step, is_alternating(header, attribute))
-        coded = graded_columns(next(streams), lods, earlier, (COLUMNS[attribute], graded))
-        return transposed(list(coded))
+        coding = [Graded(step, is_alternating(header, attribute, c)) for c in range(COLUMNS[attribute])]
+        return transposed(list(graded_columns(next(streams), lods, earlier, coding)))
 
     planes: dict[int, Matrix] = {POSITION: []}
     coded = columns(SCALE, [], [graded_step(header, SCALE, -COVER_WEIGHT * c) for c in cover])

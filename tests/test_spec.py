@@ -69,7 +69,7 @@ from dfcgs_codec.codec.symbols import SymbolCoder, T
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder import frame_coding, streams
 from dfcgs_codec.encoder.analysis import ZeroBin
-from dfcgs_codec.encoder.grading import TurnChooser, quantise_by
+from dfcgs_codec.encoder.grading import TurnChooser, nearest_by, quantise_by
 from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
@@ -745,6 +745,8 @@ def _random_task(rng: np.random.Generator, count: int, attributes: list[Attribut
         np.clip(rng.integers(-4, 5, count).cumsum() // 4, 0, 15) * int(rng.integers(0, 2)),
         symbols.permutation,
         {a: quantise_by(ZeroBin(float(rng.choice([0.5, 0.6]))), grading, a) for a in attributes},
+        nearest_by(ZeroBin(0.5)),
+        -int(rng.integers(0, 9000)),
         lambda _: planes[Attribute.OPACITY],
         lambda rotation: TurnChooser(planes[Attribute.ROTATION], rotation).choose,
         bool(rng.integers(0, 2)),

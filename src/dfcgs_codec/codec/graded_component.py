@@ -34,10 +34,22 @@ Statistics = tuple[Int64, Int64] | None
 
 @dataclass(frozen=True)
 class Target:
-    """What an encoder wants a column to be, (N,), and how it quantises."""
+    """What an encoder wants a column to be, (N,), and how it quantises.
+
+    `least`: no value is decoded to less, in columns that do not alternate.
+    """
 
     values: Int64
     quantise: Quantise
+    least: int | None = None
+
+    def symbols(self, rows: slice, prediction: Int64, steps: Int64, contexts: UInt8) -> Int64:
+        """What is chosen for a pass."""
+        found = self.quantise(self.values[rows] - prediction, steps, contexts)
+        if self.least is None:
+            return found
+        raised: Int64 = np.maximum(found, -((prediction - self.least) // steps))
+        return raised
 
 
 @dataclass
@@ -128,7 +140,7 @@ class GradedColumn:
 
         def quantise_rows(rows: slice, prediction: Int64, contexts: UInt8) -> Int64:
             known[rows] = contexts
-            symbols[rows] = target.quantise(target.values[rows] - prediction, self.steps[rows], contexts)
+            symbols[rows] = target.symbols(rows, prediction, self.steps[rows], contexts)
             return symbols[rows]
 
         values = self._walk(predictor, quantise_rows)

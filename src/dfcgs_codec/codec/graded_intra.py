@@ -45,9 +45,11 @@ MAX_TURN_STEP = 1 << 16
 class GradedTarget:
     """What an encoder wants a frame to be: `planes` (N, C) in canonical order, classes, places, its choices.
 
-    `positions` (N, 3): in units of the position step. `opacities`: what they, (N, 1), are to be beside the
-    scales that were decoded, (N, 3), both in grid units. `turns`: how symbols of turns are chosen;
-    `keeps_names`: whether rotations keep their axes, for they are those of frames before.
+    `positions` (N, 3): in units of the position step. `thinness`: how symbols of companded axes are chosen,
+    which are decoded to no less than `least_thinness`, for axes must not grow by octaves.
+    `opacities`: what they, (N, 1), are to be beside the scales that were decoded, (N, 3), both in grid units.
+    `turns`: how symbols of turns are chosen; `keeps_names`: whether rotations keep their axes, for they are
+    those of frames before.
     """
 
     planes: Mapping[Attribute, Int64]
@@ -55,6 +57,8 @@ class GradedTarget:
     cover: Int64
     permutation: Int64 | None
     quantise: Mapping[Attribute, Quantise]
+    thinness: Quantise
+    least_thinness: int
     opacities: Callable[[Int64], Int64]
     turns: Callable[[GradedRotation], ChooseTurns]
     keeps_names: bool = False
@@ -123,7 +127,9 @@ class _Walk:
                 if is_thin:
                     values = compress_thinness(found[-1] - values, exponent, octaves)
                 wanted = Target(values, target.quantise[Attribute.SCALE])
-            alternating = Attribute.SCALE in shape.grading.alternating
+                if is_thin:
+                    wanted = Target(values, target.thinness, target.least_thinness)
+            alternating = Attribute.SCALE in shape.grading.alternating and not is_thin
             coded = GradedColumn(steps, self.lod, earlier, alternating).code(coder, wanted)
             if is_thin:
                 coded = found[-1] - expand_thinness(coded, exponent, octaves)

@@ -51,20 +51,27 @@ GRADED_RANK = 0.9
 _INTER_RANK = 0.8
 #: octaves over which thin axes count less and less
 _THIN_OCTAVES = 6
+#: by how much the third axis may come out longer than the second, logarithm
+_MOST_LONGER = 0.35
 #: positions are coarser by up to the octaves of this share of the Gaussians, and this many
 _COARSE_RANK = 0.98
 _MOST_COARSE = 4
+
+
+def nearest_by(alone: ZeroBin) -> Quantise:
+    """How symbols are chosen where one quantiser is alone."""
+
+    def nearest(residual: Int64, steps: Int64, _: UInt8) -> Int64:
+        return alone.quantise(residual, steps)
+
+    return nearest
 
 
 def quantise_by(alone: ZeroBin, grading: Grading, attribute: Attribute) -> Quantise:
     """How symbols of an attribute are chosen: by `alone`, but where two quantisers take turns."""
     if attribute in grading.alternating:
         return AlternatingQuantiser(alone).quantise
-
-    def nearest(residual: Int64, steps: Int64, _: UInt8) -> Int64:
-        return alone.quantise(residual, steps)
-
-    return nearest
+    return nearest_by(alone)
 
 
 @dataclass(frozen=True)
@@ -109,6 +116,8 @@ class GradedPlan:
         indices = round_divide(planes[Attribute.POSITION], step)
         bins = {a: ZeroBin(0.5 if a in quantisation.bounded else zero_bin) for a in planes}
         quantise = {a: quantise_by(alone, self.grading, a) for a, alone in bins.items()}
+        thinness = nearest_by(bins[Attribute.SCALE])
+        least = -int(_MOST_LONGER * 2.0**-quantisation.units.scale)
 
         def turns(rotation: GradedRotation) -> ChooseTurns:
             return TurnChooser(planes[Attribute.ROTATION], rotation).choose
@@ -121,7 +130,7 @@ class GradedPlan:
                 return planes[Attribute.OPACITY]
             return opacities_beside(decoded, planes, quantisation.units)
 
-        return GradedTarget(planes, indices, classes, None, quantise, opacities, turns)
+        return GradedTarget(planes, indices, classes, None, quantise, thinness, least, opacities, turns)
 
 
 def steps_in_intra_frame(

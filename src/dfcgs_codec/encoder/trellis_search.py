@@ -23,6 +23,8 @@ UInt8 = npt.NDArray[np.uint8]
 BIT_WORTH = 0.08
 #: squared errors where two quantisers take turns, to those of one of them alone
 ALTERNATING_ERROR = 0.78
+#: errors are no larger than this, in steps; either quantiser has a value within half a step
+_MOST_ERROR = 0.85
 _LEAST_SIZE = 0.05
 #: what all residuals of a pass say of a context, in residuals of its own
 _OTHERS = 4
@@ -61,22 +63,30 @@ def _rates(sizes: Float64) -> tuple[Float64, Float64, Float64]:
 
 
 def _candidates(residuals: Float64, contexts: UInt8, sizes: Float64) -> tuple[Float64, Float32]:
-    """Magnitudes of symbols (4, rows), and their costs: by quantiser, then by parity."""
+    """Magnitudes of symbols (4, rows), and what each costs more than the cheapest.
+
+    By quantiser, then by parity.
+    """
     zero, one, more = (bits[contexts] for bits in _rates(np.maximum(sizes, _LEAST_SIZE)))
     magnitudes = np.abs(residuals)
     nothing = magnitudes**2 + BIT_WORTH * zero
+    nothing[magnitudes > _MOST_ERROR] = np.inf
     found, costs = [], []
     for shift in (0.0, 0.5):
         for odd in (0, 1):
             symbols = np.maximum(2.0 * np.rint((magnitudes + shift - odd) * 0.5), 0.0) + odd
-            cost = (magnitudes - symbols + shift) ** 2 + BIT_WORTH * (one + more * (symbols - 1.0))
+            errors = np.abs(magnitudes - symbols + shift)
+            cost = errors**2 + BIT_WORTH * (one + more * (symbols - 1.0))
+            cost[errors > _MOST_ERROR] = np.inf
             if not odd:
                 symbols[nothing <= cost] = 0.0
                 # 0 has no shift
                 cost = np.where(symbols > 0.0, cost, nothing)
             found.append(symbols)
             costs.append(cost)
-    return np.stack(found), np.stack(costs).astype(np.float32)
+    # sums of differences keep their precision in 32 bits
+    total = np.stack(costs)
+    return np.stack(found), (total - total.min(axis=0)).astype(np.float32)
 
 
 def search(residuals: Float64, contexts: UInt8, sizes: Float64) -> Int64:

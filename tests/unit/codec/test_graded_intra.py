@@ -116,8 +116,9 @@ def test_two_quantisers_are_nearer_in_every_attribute_but_positions() -> None:
     _, state = write(target, shape)
     _, other = write(alone, plain)
     for attribute in (Attribute.SCALE, Attribute.OPACITY, Attribute.SH_DC):
+        # the third axis is companded and has one quantiser
         error, more = (
-            np.mean((found.planes[attribute].wide() - target.planes[attribute]) ** 2.0)
+            np.mean((found.planes[attribute].wide() - target.planes[attribute])[:, :2] ** 2.0)
             for found in (state, other)
         )
         assert error < 0.9 * more, attribute
@@ -139,6 +140,19 @@ def test_thin_axes_cost_less_the_thinner_they_are() -> None:
     assert np.array_equal(
         same[Attribute.SCALE][:, :2], write(target, shape)[1].planes[Attribute.SCALE].values[:, :2]
     )
+
+
+def test_third_axes_do_not_grow_however_coarse_their_steps() -> None:
+    cloud = real_cloud(1500)
+    target, shape = task(cloud, cover=np.random.default_rng(2).uniform(0, 15, 1500))
+    shape = replace(
+        shape, steps={a: step << 4 if a == Attribute.SCALE else step for a, step in shape.steps.items()}
+    )
+    scales = write(target, shape)[1].planes[Attribute.SCALE].wide() * 2.0**shape.units.scale
+    assert (scales[:, 2] - scales[:, 1]).max() <= 0.36
+    # as they would without that
+    grown = write(replace(target, least_thinness=-STATE_LIMIT), shape)[1].planes[Attribute.SCALE].wide()
+    assert ((grown[:, 2] - grown[:, 1]) * 2.0**shape.units.scale).max() > 2
 
 
 def test_thin_axes_out_of_range_are_refused() -> None:

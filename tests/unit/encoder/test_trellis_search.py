@@ -54,6 +54,21 @@ def test_bits_are_saved_at_the_same_error(size: float, saved: float) -> None:
     assert entropy(found) < np.interp(error, errors, [entropy(s) for s in alone]) - saved
 
 
+@pytest.mark.parametrize("size", [0.05, 0.4, 5.0])
+def test_no_error_is_large(size: float) -> None:
+    residuals = np.concatenate([laplace(3000, size), laplace(500, 40 * size), [1e6, -1e7, 1e8]])
+    found = search(residuals, np.zeros(len(residuals), np.uint8), np.array([size]))
+    assert np.abs(values(found) - residuals).max() <= 0.85
+
+
+def test_far_values_do_not_blur_the_choice_of_others() -> None:
+    residuals = laplace(CHAIN_LENGTH, 1.0)
+    alone = search(residuals, np.zeros(CHAIN_LENGTH, np.uint8), np.array([1.0]))
+    residuals[-1] = 1e9
+    together = search(residuals, np.zeros(CHAIN_LENGTH, np.uint8), np.array([1.0]))
+    assert np.mean(alone[:-8] == together[:-8]) > 0.95
+
+
 def test_chains_are_independent() -> None:
     residuals = laplace(10 * CHAIN_LENGTH, 2.0)
     together = searched(residuals, 2.0)
