@@ -13,7 +13,7 @@ DEMO := out/demo
 
 .DEFAULT_GOAL := help
 .PHONY: help env env-eval env-train demo test test-evaluation test-training train train-prior check format golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-since bench-identity bench-smooth drift stress allocation charts fitted
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth drift stress allocation charts fitted
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -114,6 +114,9 @@ bench-intra: env-eval ## I-frames alone against SPZ, SOG and themselves without 
 
 bench-refresh: env-eval ## an I-frame now and then, a P-frame that mends everything, or neither (half an hour)
 	$(BIN)/python -m evaluation.refresh
+
+bench-quantised: env-eval ## splats that another tool has quantised: what keeping their values saves (ten minutes)
+	$(BIN)/python -m evaluation.quantised_input
 
 bench-since: env-eval ## BD-rate of our curves against those of another commit: make bench-since COMMIT=...
 	$(BIN)/python -m evaluation.since $(COMMIT)

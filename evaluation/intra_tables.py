@@ -58,3 +58,28 @@ def lossless_table() -> str:
         cells = [f"{sizes['ply'] / sizes[method]:.2f}" for method in ("dfcgs", "xz", "zstd")]
         rows.append([name, str(sizes["ply"]), *cells])
     return table(["splat", "PLY, bytes", "`--intra ply`", "xz -9", "zstd -22"], rows)
+
+
+def quantised_table() -> str:
+    """Inputs that SPZ has quantised: kept exactly, against coded anew at the same PSNR."""
+    rows = []
+    for name, scene in results("quantised_input").items():
+        for point in scene["auto"]:
+            if not point["is_kept"]:
+                continue
+            bits = f"{point['bytes'] / scene['spz_bytes']:.2f}"
+            saved = "beyond its reach" if point["ratio"] is None else f"{100 * (point['ratio'] - 1):+.0f} %"
+            rows.append([name, f"{point['qp']:g}", f"{point['psnr']:.1f} dB", bits, saved])
+    return table(["splat, from SPZ", "QP", "PSNR", "bytes / SPZ", "against `--exact off`"], rows)
+
+
+def refresh_table() -> str:
+    """I-frames now and then against P-frames that mend everything."""
+    rows = []
+    for name, scene in results("refresh").items():
+        for variant, row in scene["summary"].items():
+            middle = scene["curves"][variant][1]
+            ratio = "-" if row["ratio_to_none"] is None else f"{row['ratio_to_none']:.2f}"
+            worst = f"{middle['psnr']:.1f} dB, worst {middle['psnr_worst_frame']:.1f}"
+            rows.append([name, variant, ratio, worst, f"{row['seek']:g}"])
+    return table(["scene", "variant", "bytes at equal PSNR", "QP 28", "frames decoded to seek"], rows)

@@ -391,6 +391,8 @@ TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "lost order": ("identity", lost_order_table),
     "intra": ("intra", intra_tables.ratio_table),
     "intra lossless": ("intra", intra_tables.lossless_table),
+    "quantised input": ("quantised_input", intra_tables.quantised_table),
+    "refresh": ("refresh", intra_tables.refresh_table),
     "prior": ("prior", prior_tables.streams_table),
     "prior models": ("prior", prior_tables.models_table),
     "paper curves": ("paper_profile", paper_tables.curves_table),
