@@ -19,8 +19,8 @@ from dfcgs_codec.sequence import FrameSource
 
 #: lattices looked for: 1, 1/2, 1/4 and so on
 _FINEST_LOG2 = 12
-#: so many of the values lie on the lattice at least, and so many are not zero
-_SHARE, _NOT_ZERO = 0.999, 0.01
+#: so many of the values lie on the lattice at least (SPZ clamps some beside it), and so many are not zero
+_SHARE, _NOT_ZERO = 0.99, 0.01
 #: most inputs are told from lattices by so many values
 _LOOKED_AT = 2000
 #: values that are neither 0 nor 1 nor -1 times the step, at least
