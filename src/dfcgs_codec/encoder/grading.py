@@ -38,7 +38,7 @@ from dfcgs_codec.encoder.trellis_search import AlternatingQuantiser, best_path
 from dfcgs_codec.transform.companding import thin_octaves
 from dfcgs_codec.transform.lod import build_levels
 from dfcgs_codec.transform.rotation import CELLS, ONE, STEREO_ONE, multiply, round_divide
-from dfcgs_codec.transform.trellis import FEWEST_SYMBOLS
+from dfcgs_codec.transform.trellis import takes_turns
 
 Int64 = npt.NDArray[np.int64]
 UInt8 = npt.NDArray[np.uint8]
@@ -201,7 +201,7 @@ class TurnChooser:
 
     def _nearest(self, real: Float64, contexts: UInt8) -> Int64:
         """Symbols of turns (rows,), in steps."""
-        if not self.rotation.alternating or len(real) < FEWEST_SYMBOLS:
+        if not (self.rotation.alternating and takes_turns(len(real))):
             return np.rint(real).astype(np.int64)
         return best_path(real, contexts)
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.encoder.analysis import ZeroBin
-from dfcgs_codec.transform.trellis import CHAIN_LENGTH, FEWEST_SYMBOLS, num_chains
+from dfcgs_codec.transform.trellis import CHAIN_LENGTH, num_chains, takes_turns
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
@@ -151,6 +151,6 @@ class AlternatingQuantiser:
 
     def quantise(self, residual: Int64, steps: Int64, contexts: UInt8) -> Int64:
         """Symbols of grid residuals (rows,), a pass of them."""
-        if len(residual) < FEWEST_SYMBOLS:
+        if not takes_turns(len(residual)):
             return self.alone.quantise(residual, steps)
         return best_path(residual / steps, contexts)

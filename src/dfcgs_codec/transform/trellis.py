@@ -43,9 +43,14 @@ def second_quantisers(symbols: Int64) -> Int8:
     return result
 
 
+def takes_turns(count: int) -> bool:
+    """Whether a pass has so many symbols that two quantisers take turns in it, where they may."""
+    return count >= FEWEST_SYMBOLS
+
+
 def step_values(symbols: Int64, steps: Int64, *, alternating: bool) -> Int64:
     """What the symbols of a pass (rows,) mean, with `steps` (rows,); products shall not leave 63 bits."""
-    if not alternating or len(symbols) < FEWEST_SYMBOLS:
+    if not (alternating and takes_turns(len(symbols))):
         return symbols * steps
     shifts = np.sign(symbols).astype(np.int64) * second_quantisers(symbols)
     values: Int64 = (2 * symbols - shifts) * steps >> 1
