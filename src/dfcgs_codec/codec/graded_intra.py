@@ -7,6 +7,7 @@ depend on what is there by then; then the positions' low bits, rotations and col
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -170,8 +171,8 @@ class _Walk:
             raise CorruptBitstream("a reconstructed value leaves the range of the state")
         self.planes[Attribute.POSITION] = values
 
-    def rotations(self, weights: IntraWeights) -> None:
-        """Code the rotations."""
+    def rotations(self, coder: SymbolCoder, weights: IntraWeights) -> None:
+        """Code the rotations, in a stream that is open."""
         shape, target = self.shape, self.target
         step, level = shape.steps[Attribute.ROTATION], shape.grading.levels[Attribute.ROTATION]
         tilt, spin = weights.turns()
@@ -181,7 +182,7 @@ class _Walk:
         rotation = GradedRotation(tilts, spins, weights.is_needle, self.lod, alternating)
         choose = None if target is None else target.turns(rotation)
         keeps_names = target is not None and target.keeps_names
-        found = rotation.code(self.next_coder(), choose, keeps_names=keeps_names)
+        found = rotation.code(coder, choose, keeps_names=keeps_names)
         self.planes[Attribute.ROTATION] = found
 
 
@@ -207,10 +208,15 @@ def code_graded(
     alpha = alpha_weights(walk.planes[Attribute.OPACITY][:, 0], shape.units.opacity)
     weights = IntraWeights(cover, axes, alpha)
     walk.positions(coarse, weights.of(Attribute.POSITION))
-    walk.rotations(weights)
-    colours = Earlier()
-    for attribute in intra.attributes:
-        if attribute >= Attribute.SH_DC:
-            walk.colours(attribute, weights.of(attribute), colours)
+    # rotations and colours know nothing of each other; a reader ends a stream before it opens the next
+    with ThreadPoolExecutor(1) as beside:
+        turned = beside.submit(walk.rotations, next_coder(), weights)
+        if target is None:
+            turned.result()
+        colours = Earlier()
+        for attribute in intra.attributes:
+            if attribute >= Attribute.SH_DC:
+                walk.colours(attribute, weights.of(attribute), colours)
+        turned.result()
     planes = {attribute: Plane(walk.planes[attribute]) for attribute in intra.attributes}
     return FrameState(planes, order, cover=cover)
