@@ -61,7 +61,7 @@ class Earlier:
 
     residuals: list[Int64] = field(default_factory=list)
     magnitudes: list[Int64] = field(default_factory=list)
-    in_steps: tuple[list[AnyReal], list[AnyReal]] = ([], [])
+    in_steps: tuple[list[AnyReal], list[AnyReal]] = field(default_factory=lambda: ([], []))
     steps: Int64 | None = None
 
     def add(self, residual: Int64) -> None:
