@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.transform.control_points import GATHER_WEIGHT_BITS, NUM_GATHERED, Gathering
 from dfcgs_codec.transform.lod import ladder
+from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rigid import RigidMotion, displacements
 
 Int64 = npt.NDArray[np.int64]
@@ -89,33 +90,60 @@ class Binding:
 
     def moves(self, motion: RigidMotion, positions: Float64) -> Float64:
         """Displacements (5, 3, N), integers, of `positions` (3, N) by each candidate."""
-        table = motion.table()
-        alone = [displacements(table, ranks, positions) for ranks in self.gathering.ranks]
-        return np.stack([blend(alone, self.gathering.weights), *alone])
+        table, gathering = motion.table(), self.gathering
+        result = np.empty((NUM_CANDIDATES, *positions.shape))
+        for part in pieces(positions.shape[1]):
+            some = positions[:, part]
+            alone = [displacements(table, ranks[part], some) for ranks in gathering.ranks]
+            for candidate, moved in enumerate(alone, BLEND + 1):
+                result[candidate, :, part] = moved
+            result[BLEND, :, part] = blend(alone, gathering.weights[:, part])
+        return result
 
     def chosen(self, moves: Float64) -> Float64:
         """Of `moves` (5, 3, N) those of each point's choice, (3, N)."""
         result: Float64 = moves[BLEND].copy()
-        for candidate in range(1, NUM_CANDIDATES):
-            np.copyto(result, moves[candidate], where=self.choice == candidate)
+        for part in pieces(len(self.choice)):
+            for candidate in range(1, NUM_CANDIDATES):
+                is_chosen = self.choice[part] == candidate
+                np.copyto(result[:, part], moves[candidate, :, part], where=is_chosen)
+        return result
+
+    def chosen_moves(self, motion: RigidMotion, positions: Float64) -> Float64:
+        """`chosen` of `moves`, (3, N), without those of the other candidates."""
+        table, result = motion.table(), np.empty_like(positions)
+        for part in pieces(positions.shape[1]):
+            choice, some, ranks = self.choice[part], positions[:, part], self.gathering.ranks[:, part]
+            leader = ranks[np.maximum(choice - 1, 0), np.arange(len(choice))]
+            result[:, part] = displacements(table, leader, some)
+            rows = np.flatnonzero(choice == BLEND)
+            alone = [displacements(table, of_one[rows], some[:, rows]) for of_one in ranks]
+            result[:, part.start + rows] = blend(alone, self.gathering.weights[:, part][:, rows])
         return result
 
     def turns(self, motion: RigidMotion) -> Int64:
         """Turn vectors (N, 3), Q0.18, of each point's choice."""
-        leader = np.maximum(self.choice - 1, 0)
-        vectors: Int64 = motion.vectors[self.gathering.ranks[leader, np.arange(len(leader))]]
-        rows = np.flatnonzero(self.choice == BLEND)
-        alone = [motion.vectors[ranks[rows]].T.astype(np.float64) for ranks in self.gathering.ranks]
-        vectors[rows] = blend(alone, self.gathering.weights[:, rows]).T.astype(np.int64)
+        vectors = np.empty((len(self.choice), 3), np.int64)
+        for part in pieces(len(vectors)):
+            choice, ranks, found = self.choice[part], self.gathering.ranks[:, part], vectors[part]
+            leader = ranks[np.maximum(choice - 1, 0), np.arange(len(choice))]
+            motion.vectors.take(leader, axis=0, out=found)
+            rows = np.flatnonzero(choice == BLEND)
+            alone = [motion.vectors.take(of_one[rows], axis=0).T.astype(np.float64) for of_one in ranks]
+            found[rows] = blend(alone, self.gathering.weights[:, part][:, rows]).T
         return vectors
 
     def learn(self, moves: Float64, actual: Float64, step: int) -> Binding:
         """After a frame: `moves` (5, 3, N) of the candidates, what happened (3, N), translation step."""
-        errors = np.abs(moves[:, 0] - actual[0])
-        errors += np.abs(moves[:, 1] - actual[1])
-        errors += np.abs(moves[:, 2] - actual[2])
-        efforts = self.efforts - (self.efforts >> EFFORT_DECAY_LOG2) + efforts_of(errors, step)
-        return replace(self, efforts=efforts, choice=choose(efforts))
+        efforts, choice = np.empty_like(self.efforts), np.empty_like(self.choice)
+        for part in pieces(len(choice)):
+            errors = np.abs(moves[:, 0, part] - actual[0, part])
+            for axis in (1, 2):
+                errors += np.abs(moves[:, axis, part] - actual[axis, part])
+            before = self.efforts[:, part]
+            efforts[:, part] = before - (before >> EFFORT_DECAY_LOG2) + efforts_of(errors, step)
+            choice[part] = choose(efforts[:, part])
+        return replace(self, efforts=efforts, choice=choice)
 
 
 def choose(efforts: Int32) -> Int64:

@@ -25,6 +25,7 @@ from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.control_points import CELL_LIMIT, control_cells, gather_from
 from dfcgs_codec.transform.morton import morton_keys
 from dfcgs_codec.transform.normalisation import Normalisation
+from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rotation import ONE, from_stereo, multiply, normalise
 from dfcgs_codec.transform.spreading import Spreading, SpreadingSource, rows_of
 
@@ -163,13 +164,14 @@ class GofMotion:
         binding = self.binding.of_rows(rows)
         planes = dict(reference.planes)
         positions = reference.planes[Attribute.POSITION].wide()
-        moves = binding.moves(moved.motion, positions[rows].T.astype(np.float64))
-        carried = positions[rows] + binding.chosen(moves).T.astype(np.int64)
-        positions[rows] = np.clip(carried, -STATE_LIMIT, STATE_LIMIT)
+        some = positions.take(rows, axis=0)
+        moves = binding.moves(moved.motion, some.T.astype(np.float64))
+        some += binding.chosen(moves).T.astype(np.int64)
+        positions[rows] = np.clip(some, -STATE_LIMIT, STATE_LIMIT, out=some)
         planes[Attribute.POSITION] = Plane(positions)
         if header.is_rigid:
             rotations = reference.planes[Attribute.ROTATION].wide()
-            rotations[rows] = turned(rotations[rows], binding.turns(moved.motion))
+            rotations[rows] = turned(rotations.take(rows, axis=0), binding.turns(moved.motion))
             planes[Attribute.ROTATION] = Plane(rotations)
         gathered = Gathered(rows, moves, moved, binding, header.translation_step)
         return Carried(replace(reference, planes=planes, verbatim=None), gathered)
@@ -181,7 +183,7 @@ class GofMotion:
         gathered = carried.gathered
         if gathered is None:
             return replace(self, symbols=symbols)
-        old, new = (state.planes[Attribute.POSITION].values[gathered.rows] for state in states)
+        old, new = (state.planes[Attribute.POSITION].values.take(gathered.rows, axis=0) for state in states)
         actual = new.T.astype(np.float64) - old.T
         learnt = gathered.binding.learn(gathered.moves, actual, gathered.step)
         field = self.field.after(gathered.field_motion, symbols.control, gathered.step)
@@ -214,8 +216,10 @@ class ControlSource:
 def turned(quaternions: Int64, vectors: Int64) -> Int64:
     """Quaternions (N, 4) turned from the left by `vectors` (N, 3); those of zero vectors keep their bits."""
     result = quaternions.copy()
-    rows = np.flatnonzero(nonzero_rows(vectors))
-    result[rows] = normalise(multiply(from_stereo(vectors[rows]), quaternions[rows]))
+    for part in pieces(len(result)):
+        some, by = result[part], vectors[part]
+        rows = np.flatnonzero(nonzero_rows(by))
+        some[rows] = normalise(multiply(from_stereo(by[rows]), some[rows]))
     return result
 
 

@@ -15,6 +15,7 @@ from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
+from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, multiply, round_divide, to_stereo
 
 Int64 = npt.NDArray[np.int64]
@@ -24,6 +25,8 @@ Planes = dict[Attribute, Int64]
 
 #: errors that a coarser step of an I-frame left, in such steps, are not worth mending
 SLACK = 0.6
+#: a unit quaternion times these is its inverse
+_CONJUGATE = np.array([1, -1, -1, -1])
 
 
 @dataclass(frozen=True)
@@ -102,9 +105,11 @@ def intra_symbols(target: Planes, steps: dict[Attribute, int], permutation: Int6
 
 def relative_rotation(target: Int64, reference: Int64, step: int) -> npt.NDArray[np.float64]:
     """Stereographic vectors, in steps, of the turns about the Gaussians' own axes."""
-    conjugate = reference * np.array([1, -1, -1, -1])
-    turn = multiply(conjugate, target)
-    return to_stereo(turn / ONE) * (STEREO_ONE / step)
+    vectors = np.empty((len(target), 3))
+    for part in pieces(len(target)):
+        turn = multiply(reference[part] * _CONJUGATE, target[part])
+        np.multiply(to_stereo(turn / ONE), STEREO_ONE / step, out=vectors[part])
+    return vectors
 
 
 @dataclass(frozen=True)
@@ -122,30 +127,35 @@ class ResidualQuantiser:
     slack: Mapping[Attribute, Int64] = field(default_factory=dict)
 
     def symbols(self, attribute: Attribute, rows: Int64, target: Int64, reference: Int64) -> Int64:
-        """Symbols (N, C) of the Gaussians `rows`, 0 for the rest."""
+        """Symbols (N, C) of the Gaussians `rows`, ascending, 0 for the rest."""
+        if len(rows) == len(target):
+            return self._symbols(attribute, slice(None), target, reference)
+        found = self._symbols(attribute, rows, target.take(rows, axis=0), reference.take(rows, axis=0))
+        symbols = np.zeros((len(target), found.shape[1]), np.int64)
+        symbols[rows] = found
+        return symbols
+
+    def _symbols(self, attribute: Attribute, rows: Int64 | slice, target: Int64, reference: Int64) -> Int64:
+        """Those (n, C) of `rows` alone, whose `target` and `reference` are given."""
         step = self.quantisation.steps[attribute]
         zero_bin = ZeroBin(0.5) if attribute in self.quantisation.bounded else self.zero_bin
         multipliers = self.multipliers.get(attribute)
-        columns = 3 if attribute == Attribute.ROTATION else target.shape[1]
-        symbols = np.zeros((len(target), columns), np.int64)
         if attribute != Attribute.ROTATION and multipliers is None and attribute not in self.slack:
-            symbols[rows] = zero_bin.quantise(target[rows] - reference[rows], step)
-            return symbols
+            return zero_bin.quantise(target - reference, step)
         if attribute == Attribute.ROTATION:
-            residual = relative_rotation(target[rows], reference[rows], step)
+            residual = relative_rotation(target, reference, step)
         else:
-            residual = (target[rows] - reference[rows]) / step
+            residual = (target - reference) / step
         if multipliers is not None:
-            residual = residual * (256.0 / multipliers[rows])
+            residual *= 256.0 / multipliers[rows]
         found = zero_bin.quantise_real(residual)
         slack = self.slack.get(attribute)
         if slack is not None:
             real = slack[rows] / step
             if multipliers is not None:
-                real = real * (256.0 / multipliers[rows])
+                real *= 256.0 / multipliers[rows]
             found[np.abs(residual) < SLACK * real] = 0
-        symbols[rows] = found
-        return symbols
+        return found
 
 
 def moved_rows(attribute: Attribute, reference: FrameState, predicted: FrameState) -> Bool | None:

@@ -146,7 +146,7 @@ class _Search:
         first = MotionQuantiser(field, measure(*self._paths(some), field.num_points), header, 0.0)
         motion = field.move(header, first).motion
         binding, source, target = self._paths(rows)
-        carried = binding.chosen(binding.moves(motion, np.ascontiguousarray(source.T)))
+        carried = binding.chosen_moves(motion, np.ascontiguousarray(source.T))
         trust = trusted(target - source - carried.T, task.steps[Attribute.POSITION])
         return measure(binding, source, target, field.num_points, trust)
 

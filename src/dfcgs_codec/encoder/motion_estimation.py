@@ -7,13 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.binding import BLEND, Binding
 from dfcgs_codec.codec.motion_field import MotionField, level_starts
 from dfcgs_codec.transform.control_points import GATHER_WEIGHT_BITS
+from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, from_stereo, to_stereo
 
 Int64 = npt.NDArray[np.int64]
@@ -42,21 +43,15 @@ class Moments:
         return Moments(np.stack(summed, axis=1).astype(np.float64), self.center)
 
 
-def _carriers(binding: Binding, num_points: int) -> csr_array:
-    """How much each control point carries each of N Gaussians; (n, N) sparse."""
-    count = len(binding.choice)
-    blended = np.flatnonzero(binding.choice == BLEND)
-    single = np.flatnonzero(binding.choice != BLEND)
-    shares = (binding.gathering.weights[:, blended] / (1 << GATHER_WEIGHT_BITS)) ** 2
-    ranks = np.concatenate(
-        [
-            binding.gathering.ranks[:, blended].ravel(),
-            binding.gathering.ranks[binding.choice[single] - 1, single],
-        ]
-    )
-    columns = np.concatenate([np.tile(blended, 4), single])
-    weights = np.concatenate([shares.ravel(), np.ones(len(single))])
-    return csr_array((weights, (ranks, columns)), shape=(num_points, count))
+def _carriers(binding: Binding, num_points: int) -> csc_array:
+    """How much each control point carries each of N Gaussians; (n, N) sparse, a column for each Gaussian."""
+    blended = binding.choice == BLEND
+    shares = (binding.gathering.weights.T / (1 << GATHER_WEIGHT_BITS)) ** 2
+    weights = np.where(blended[:, None], shares, 1.0)
+    taken = blended[:, None] | (binding.choice[:, None] == np.arange(1, shares.shape[1] + 1))
+    starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(taken.sum(axis=1))])
+    ranks = binding.gathering.ranks.T[taken]
+    return csc_array((weights[taken], ranks, starts), shape=(num_points, len(blended)))
 
 
 def measure(
@@ -68,13 +63,16 @@ def measure(
     """
     center = source.mean(axis=0)
     columns = np.empty((len(source), 16))
-    columns[:, 0] = 1.0
-    columns[:, _SOURCE] = source - center
-    columns[:, _TARGET] = target - center
-    for axis in range(3):
-        columns[:, 7 + 3 * axis : 10 + 3 * axis] = columns[:, 1 + axis, None] * columns[:, _TARGET]
-    if trust is not None:
-        columns *= trust[:, None]
+    for part in pieces(len(source)):
+        some = np.empty((16, part.stop - part.start))
+        some[_WEIGHT] = 1.0
+        np.subtract(source[part].T, center[:, None], out=some[_SOURCE])
+        np.subtract(target[part].T, center[:, None], out=some[_TARGET])
+        for axis in range(3):
+            np.multiply(some[1 + axis], some[_TARGET], out=some[7 + 3 * axis : 10 + 3 * axis])
+        if trust is not None:
+            some *= trust[part]
+        columns[part] = some.T
     return Moments(_carriers(binding, num_points) @ columns, center)
 
 

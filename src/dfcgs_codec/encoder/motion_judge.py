@@ -82,7 +82,7 @@ class MotionJudge:
         """Estimated bits of the residuals of positions and rotations after `motion`, or without any."""
         error, rotations = self._goal, self._rotations
         if motion is not None:
-            error = error - self._binding.chosen(self._binding.moves(motion, self._positions))
+            error = error - self._binding.chosen_moves(motion, self._positions)
         if motion is not None and is_rigid:
             rotations = turned(rotations, self._binding.turns(motion))
         turns = relative_rotation(self._turned_goal, rotations, 1) / self._steps[Attribute.ROTATION]

@@ -23,7 +23,7 @@ def wide_planes(state: FrameState) -> Planes:
 
 def ordered(planes: Planes, order: Int64) -> Planes:
     """Rows of each plane in the given order."""
-    return {attribute: values[order] for attribute, values in planes.items()}
+    return {attribute: values.take(order, axis=0) for attribute, values in planes.items()}
 
 
 _FIELDS = ("positions", "scales", "rotations", "opacities", "sh_dc", "sh_rest")

@@ -81,7 +81,8 @@ class RangeWriter:
         if symbols is None or len(symbols) != count:
             raise ValueError(f"{count} symbols are needed")
         if count:
-            if symbols.min() < 0 or symbols.max() >= model.size:
+            # negative ones are the largest without a sign
+            if symbols.view(np.uint64).max() >= model.size:
                 raise ValueError(f"symbol outside 0..{model.size - 1}")
             self._encoder.encode(np.ascontiguousarray(symbols, np.int32), model.native)
         return symbols

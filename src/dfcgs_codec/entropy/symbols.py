@@ -127,16 +127,20 @@ def code_residuals(
     """
     groups = Groups(contexts, len(tables))
     known = {int(c): _Table.of(int(tables[c]), explicit) for c in groups.used}
-    ordered = None if values is None else values[groups.order]
-    coded = np.empty(len(groups.order), np.int64)
     shifts, ends = np.zeros(len(tables), np.int64), np.zeros(len(tables), np.int64)
+    for context, table in known.items():
+        shifts[context], ends[context] = table.low_bits, table.k
+    sizes = np.diff(groups.bounds)[groups.used]
+    reach = np.repeat(ends[groups.used], sizes)
+    ordered, given = None, None
+    if values is not None:
+        ordered = values[groups.order]
+        given = (ordered >> np.repeat(shifts[groups.used], sizes)) + reach
+        np.minimum(np.maximum(given, 0, out=given), 2 * reach, out=given)
+    coded = np.empty(len(groups.order), np.int64)
     for context, part in groups.slices():
-        table = known[context]
-        k = ends[context] = table.k
-        shifts[context] = table.low_bits
-        given = None if ordered is None else np.clip((ordered[part] >> table.low_bits) + k, 0, 2 * k)
-        coded[part] = coder.code(given, table.model, part.stop - part.start)
-    reach = np.repeat(ends[groups.used], np.diff(groups.bounds)[groups.used])
+        symbols = None if given is None else given[part]
+        coded[part] = coder.code(symbols, known[context].model, part.stop - part.start)
     coded -= reach
     rows = np.flatnonzero(np.abs(coded) == reach)
     _code_excess(coder, ordered, coded, rows, (groups, shifts))

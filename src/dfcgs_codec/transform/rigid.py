@@ -68,11 +68,14 @@ class RigidMotion:
 
 def displacements(table: Float64, ranks: Int64, positions: Float64) -> Float64:
     """Displacements (3, N), integers, of `positions` (3, N) under the motions `ranks` (N,) of a `table`."""
+    rows = table.take(ranks, axis=1)
     result = np.empty_like(positions)
     for axis in range(3):
-        total = table[4 * axis + 3].take(ranks)
+        total = rows[4 * axis + 3]
         for column in range(3):
-            total += table[4 * axis + column].take(ranks) * positions[column]
+            product = rows[4 * axis + column]
+            product *= positions[column]
+            total += product
         total += _MATRIX_ONE / 2
         total *= 1.0 / _MATRIX_ONE
         np.floor(total, out=result[axis])

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -70,3 +72,17 @@ def test_blend_rounds_to_nearest() -> None:
 
 def test_errors_below_four_steps_do_not_matter() -> None:
     assert efforts_of(np.array([0.0, 31.0, 32.0, 64.0, 1e9]), 8).tolist()[:4] == [0, 0, 16, 48]
+
+
+def test_moves_of_the_choice_alone_are_those_among_all() -> None:
+    # more points than are looked at together
+    binding, motion, positions = four_apart(20_000)
+    learnt = replace(binding, choice=np.random.default_rng(2).integers(0, 5, 20_000))
+    moves = binding.moves(motion, positions)
+    assert np.array_equal(learnt.chosen_moves(motion, positions), learnt.chosen(moves))
+    every_third = np.arange(0, 20_000, 3)
+    assert np.array_equal(
+        binding.of_rows(every_third).moves(motion, positions[:, every_third]), moves[:, :, every_third]
+    )
+    nobody = binding.of_rows(every_third[:0])
+    assert nobody.chosen_moves(motion, positions[:, :0]).shape == (3, 0)
