@@ -86,3 +86,19 @@ def test_moves_of_the_choice_alone_are_those_among_all() -> None:
     )
     nobody = binding.of_rows(every_third[:0])
     assert nobody.chosen_moves(motion, positions[:, :0]).shape == (3, 0)
+
+
+def test_long_arrays_are_as_their_rows() -> None:
+    binding, motion, positions = four_apart(20_000)
+    random = np.random.default_rng(3)
+    binding = replace(binding, choice=random.integers(0, 5, 20_000))
+    moves = binding.moves(motion, positions)
+    actual = random.integers(-900, 900, (3, 20_000)).astype(np.float64)
+    learnt, turns = binding.learn(moves, actual, step=8), binding.turns(motion)
+    assert len(np.unique(learnt.choice)) > 1
+    for rows in (np.arange(100), np.arange(8190, 8195), np.arange(19_990, 20_000)):
+        part = binding.of_rows(rows)
+        assert np.array_equal(part.turns(motion), turns[rows])
+        alone = part.learn(moves[:, :, rows], actual[:, rows], step=8)
+        assert np.array_equal(alone.efforts, learnt.efforts[:, rows])
+        assert np.array_equal(alone.choice, learnt.choice[rows])

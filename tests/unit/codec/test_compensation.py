@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute, ControlRule
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
-from dfcgs_codec.codec.compensation import GofMotion
+from dfcgs_codec.codec.compensation import GofMotion, turned
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.motion import MotionSymbols, classify_modes
 from dfcgs_codec.codec.motion_field import level_starts
@@ -233,3 +233,15 @@ def test_a_rotation_that_would_vanish_stays() -> None:
     header = MotionHeader(motion.field.num_points, 0, 1, 1, SpreadHeader(1, 0))
     carried = motion.carry(header, symbols_of(motion, control, np.ones(50, bool)), state)
     assert carried.state.hash() == state.hash()
+
+
+def test_turns_of_many_are_those_of_each() -> None:
+    # more than are looked at together
+    random = np.random.default_rng(5)
+    quaternions = from_float(random.normal(size=(20_000, 4)).astype(np.float32))
+    vectors = random.integers(-9000, 9000, (20_000, 3)) * (random.random((20_000, 1)) < 0.7)
+    whole = turned(quaternions, vectors)
+    assert np.array_equal(whole[~vectors.any(axis=1)], quaternions[~vectors.any(axis=1)])
+    for rows in (slice(0, 9), slice(8190, 8195), slice(19_990, 20_000)):
+        assert np.array_equal(turned(quaternions[rows], vectors[rows]), whole[rows])
+    assert (whole != quaternions).any(axis=1).mean() > 0.6

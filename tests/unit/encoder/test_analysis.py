@@ -171,3 +171,20 @@ def test_a_bounded_attribute_has_no_dead_zone(bounded: bool) -> None:
         target, before, (reference, reference), ResidualQuantiser(quantisation, ZeroBin(0.6), 6)
     )
     assert (Attribute.POSITION in found.activity) is bounded
+
+
+def test_symbols_of_all_are_those_of_each() -> None:
+    # more than are looked at together; some change, then all do
+    first, second = make_cloud(9000, 0, 1), make_cloud(9000, 0, 2)
+    before, target = planes_of(first), planes_of(second)
+    rng = np.random.default_rng(0)
+    slack = {a: rng.integers(1, 60, (9000, 1)) for a in target}
+    multipliers = {a: rng.integers(256, 2049, (9000, 1)) for a in target}
+    quantiser = ResidualQuantiser(QUANTISATION, ZeroBin(0.6), 6, multipliers, slack)
+    everyone, some = np.arange(9000), np.arange(1, 9000, 2)
+    for attribute, values in target.items():
+        whole = quantiser.symbols(attribute, everyone, values, before[attribute])
+        part = quantiser.symbols(attribute, some, values, before[attribute])
+        assert np.array_equal(whole[some], part[some])
+        assert whole.any()
+        assert not np.delete(part, some, axis=0).any()
