@@ -40,11 +40,17 @@ class EarlierPasses:
 
 def weighted_sum(features: list[Int64], weights: Int64) -> Int64 | int:
     """Sum of features times Q8 weights; zero weights cost nothing."""
-    total: Int64 | int = 0
+    total: Int64 | None = None
+    product: Int64 | None = None
     for feature, weight in zip(features, weights.tolist(), strict=True):
-        if weight:
-            total = total + feature * weight
-    return total
+        if not weight:
+            continue
+        if total is None:
+            total = feature * weight
+            continue
+        product = np.multiply(feature, weight, out=product)
+        total += product
+    return 0 if total is None else total
 
 
 def round_weighted(total: Int64, bits: int) -> Int64:

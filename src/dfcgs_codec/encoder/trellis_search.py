@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.encoder.analysis import ZeroBin
+from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.trellis import CHAIN_LENGTH, num_chains, takes_turns
 
 Int64 = npt.NDArray[np.int64]
@@ -67,26 +68,52 @@ def _candidates(residuals: Float64, contexts: UInt8, sizes: Float64) -> tuple[Fl
 
     By quantiser, then by parity.
     """
-    zero, one, more = (bits[contexts] for bits in _rates(np.maximum(sizes, _LEAST_SIZE)))
-    magnitudes = np.abs(residuals)
-    nothing = magnitudes**2 + BIT_WORTH * zero
+    count = len(residuals)
+    symbols, excess = np.empty((4, count)), np.empty((4, count), np.float32)
+    rates = _rates(np.maximum(sizes, _LEAST_SIZE))
+    for part in pieces(count):
+        some = contexts[part].astype(np.int64)
+        zero, one, more = (bits.take(some) for bits in rates)
+        costs = _costs(np.abs(residuals[part]), (BIT_WORTH * zero, one, more), symbols[:, part])
+        # sums of differences keep their precision in 32 bits
+        costs -= costs.min(axis=0)
+        excess[:, part] = costs
+    return symbols, excess
+
+
+def _costs(magnitudes: Float64, rates: tuple[Float64, Float64, Float64], found: Float64) -> Float64:
+    """What each candidate costs, (4, rows); `found`, of that shape, takes their magnitudes.
+
+    `rates` (rows,): the worth of a 0, bits of 1, what each more takes.
+    """
+    nothing, one, more = rates
+    nothing += magnitudes**2
     nothing[magnitudes > _MOST_ERROR] = np.inf
-    found, costs = [], []
-    for shift in (0.0, 0.5):
-        for odd in (0, 1):
-            symbols = np.maximum(2.0 * np.rint((magnitudes + shift - odd) * 0.5), 0.0) + odd
-            errors = np.abs(magnitudes - symbols + shift)
-            cost = errors**2 + BIT_WORTH * (one + more * (symbols - 1.0))
-            cost[errors > _MOST_ERROR] = np.inf
-            if not odd:
-                symbols[nothing <= cost] = 0.0
-                # 0 has no shift
-                cost = np.where(symbols > 0.0, cost, nothing)
-            found.append(symbols)
-            costs.append(cost)
-    # sums of differences keep their precision in 32 bits
-    total = np.stack(costs)
-    return np.stack(found), (total - total.min(axis=0)).astype(np.float32)
+    costs, bits = np.empty_like(found), np.empty_like(magnitudes)
+    for row, (shift, odd) in enumerate(((0.0, 0), (0.0, 1), (0.5, 0), (0.5, 1))):
+        symbols, cost = found[row], costs[row]
+        np.add(magnitudes, shift, out=symbols)
+        symbols -= odd
+        symbols *= 0.5
+        np.rint(symbols, out=symbols)
+        symbols *= 2.0
+        np.maximum(symbols, 0.0, out=symbols)
+        symbols += odd
+        errors = magnitudes - symbols
+        errors += shift
+        np.abs(errors, out=errors)
+        np.subtract(symbols, 1.0, out=bits)
+        bits *= more
+        bits += one
+        bits *= BIT_WORTH
+        np.multiply(errors, errors, out=cost)
+        cost += bits
+        np.copyto(cost, np.inf, where=errors > _MOST_ERROR)
+        if not odd:
+            np.copyto(symbols, 0.0, where=nothing <= cost)
+            # 0 has no shift
+            np.copyto(cost, nothing, where=symbols <= 0.0)
+    return costs
 
 
 def search(residuals: Float64, contexts: UInt8, sizes: Float64) -> Int64:
@@ -99,14 +126,13 @@ def search(residuals: Float64, contexts: UInt8, sizes: Float64) -> Int64:
     came = np.empty((CHAIN_LENGTH, _NUM_STATES, chains), np.bool_)
     total = np.full((_NUM_STATES, chains), np.inf, np.float32)
     total[0] = 0.0
-    first, other = np.empty_like(total), np.empty_like(total)
+    both = np.empty((2, _NUM_STATES, chains), np.float32)
     for step in range(CHAIN_LENGTH):
-        np.take(total, _BEFORE[0], axis=0, out=first)
-        np.take(total, _BEFORE[1], axis=0, out=other)
-        first += branches[step, 0]
-        other += branches[step, 1]
-        np.less(other, first, out=came[step])
-        np.minimum(first, other, out=total)
+        # nothing is clipped, but numpy would copy `out` before it raises
+        total.take(_BEFORE, axis=0, out=both, mode="clip")
+        both += branches[step]
+        np.less(both[1], both[0], out=came[step])
+        np.minimum(both[0], both[1], out=total)
     choice = _trace(total, came).reshape(-1)[:count]
     chosen = magnitudes[choice, np.arange(count)]
     symbols: Int64 = (np.sign(residuals) * chosen).astype(np.int64)
@@ -117,16 +143,15 @@ def _trace(total: Float32, came: npt.NDArray[np.bool_]) -> Int64:
     """Which of the four candidates each symbol takes, (CHAIN_LENGTH, chains)."""
     length, _, chains = came.shape
     columns = np.arange(chains)
-    candidates = (2 * _SECOND + _PARITY).reshape(-1)
     before = _BEFORE.reshape(-1)
-    flat = came.reshape(length, -1)
-    choice = np.empty((length, chains), np.int64)
+    flat = came.reshape(length, -1).view(np.uint8)
+    taken = np.empty((length, chains), np.int64)
     state = total.argmin(axis=0)
     for step in range(length - 1, -1, -1):
-        branch = state + _NUM_STATES * flat[step, state * chains + columns]
-        choice[step] = candidates[branch]
-        state = before[branch]
-    return choice
+        np.multiply(flat[step].take(state * chains + columns), _NUM_STATES, out=taken[step])
+        taken[step] += state
+        state = before.take(taken[step])
+    return (2 * _SECOND + _PARITY).reshape(-1).take(taken)
 
 
 def context_sizes(residuals: Float64, contexts: UInt8) -> Float64:

@@ -50,9 +50,12 @@ class Level:
         windows = self._windows(values)
         mean = self._mean(windows)
         rounded = (mean + 128) >> WEIGHT_BITS
-        deviation = np.abs(windows[0] - rounded) * self.weights[0]
-        for window, weight in zip(windows[1:], self.weights[1:], strict=True):
-            deviation += np.abs(window - rounded) * weight
+        deviation, one = np.zeros_like(mean), np.empty_like(mean)
+        for window, weight in zip(windows, self.weights, strict=True):
+            np.subtract(window, rounded, out=one)
+            np.abs(one, out=one)
+            one *= weight
+            deviation += one
         return mean.astype(np.int64), deviation.astype(np.int64)
 
     def mean(self, values: Int64) -> Int64:
@@ -70,8 +73,9 @@ class Level:
 
     def _mean(self, windows: list[AnyInt]) -> AnyInt:
         mean: AnyInt = windows[0] * self.weights[0]
+        one = np.empty_like(mean)
         for window, weight in zip(windows[1:], self.weights[1:], strict=True):
-            mean += window * weight
+            mean += np.multiply(window, weight, out=one)
         return mean
 
 
