@@ -1,8 +1,10 @@
 """How much quantisation of each attribute shows in images: seen in small patches, without cameras.
 
 A patch is a few pixels in parallel projection, looked at from one of many directions all around, of what lies
-within a part of the scene's size before and behind a Gaussian that light reaches. An encoder's choice; floats
-are welcome here.
+before and behind a Gaussian that light reaches. Training makes Gaussians a few pixels wide in the images that
+it has, and as many as these have details. So each Gaussian is as likely to be looked at, whatever its size,
+and pixels are as wide as the Gaussians there: a room does not drown what stands in it. An encoder's choice;
+floats are welcome here.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.encoder.splats import Splats, alpha_of, deviations, extent, harmonics
@@ -26,16 +29,18 @@ _PATCHES = 64
 #: pixels along a side of a patch, and from one that is looked at to the next
 _SIDE = 8
 _STRIDE = 2
-#: the scene is so many pixels wide; Gaussians are blurred by this variance, as renderers do
-_PIXELS = 400.0
+#: pixels are as wide as the median of so many Gaussians nearby, but the scene is at least, and at most, so
+#: many pixels wide; Gaussians are blurred by this variance, as renderers do
+_NEARBY = 64
+_FEWEST_PIXELS, _MOST_PIXELS = 400.0, 20_000.0
 _BLUR = 0.3
-#: what is looked at lies so far before and behind, in parts of the scene's size
-_REACH = 0.2
+#: what is looked at lies so far before and behind, in pixels
+_REACH = 80.0
 #: Gaussians end at so many standard deviations
 _SIGMAS = 3.0
 _MOST_ALPHA = 0.99
 #: axes of more pixels are as flat as can be, and float32 holds their squares
-_MOST_PIXELS = 1e3
+_LONGEST = 1e3
 #: a patch has no more Gaussians: those that show most
 _MOST_GAUSSIANS = 2000
 _GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
@@ -55,7 +60,7 @@ class _Patch:
         order = np.argsort(local[:, 2], kind="stable")
         spread = np.einsum("ij,njk->nik", self.frame[:2], splats.axes)
         spread *= splats.deviations[:, None] / self.pixel
-        np.clip(spread, -_MOST_PIXELS, _MOST_PIXELS, out=spread)
+        np.clip(spread, -_LONGEST, _LONGEST, out=spread)
         a = (spread[:, 0] ** 2).sum(axis=1) + _BLUR
         b = (spread[:, 0] * spread[:, 1]).sum(axis=1)
         c = (spread[:, 1] ** 2).sum(axis=1) + _BLUR
@@ -99,25 +104,36 @@ def _patches(cloud: GaussianCloud, light: Float64) -> Iterator[tuple[_Patch, Int
     if not 0.0 < size < np.inf:
         return
     _, middle, long = np.sort(deviations(cloud.scales), axis=1).T
-    shown = np.cumsum(alpha_of(cloud.opacities) * np.minimum(middle * long, size**2) * light**2)
-    if not 0.0 < shown[-1] < np.inf:
+    seen = alpha_of(cloud.opacities) * light**2
+    seen_before = np.cumsum(seen)
+    if not 0.0 < seen_before[-1] < np.inf:
         return
-    random = np.random.default_rng(0)
-    targets = np.searchsorted(shown, random.random(_PATCHES) * shown[-1], side="right")
-    half = _SIDE * _STRIDE / 2 * size / _PIXELS
-    reach = _SIGMAS * long + half
-    for target, direction in zip(targets.tolist(), _directions(), strict=True):
+    drawn = np.random.default_rng(0).random(_PATCHES) * seen_before[-1]
+    targets = np.minimum(np.searchsorted(seen_before, drawn, side="right"), len(seen) - 1)
+    pixels = _pixels(positions, np.sqrt(middle * long), targets)
+    pixels = np.clip(pixels, size / _MOST_PIXELS, size / _FEWEST_PIXELS)
+    for target, direction, pixel in zip(targets.tolist(), _directions(), pixels.tolist(), strict=True):
         across = np.cross(direction, (0.31, 0.57, 0.76))
         across /= np.linalg.norm(across)
         frame = np.stack([across, np.cross(direction, across), direction])
-        patch = _Patch(positions[min(target, len(shown) - 1)], frame, size / _PIXELS)
-        rows = np.flatnonzero(np.abs(positions @ frame[0] - patch.middle @ frame[0]) < reach)
+        patch = _Patch(positions[target], frame, pixel)
+        half = _SIDE * _STRIDE / 2 * pixel
+        aside = np.abs(positions @ frame[0] - patch.middle @ frame[0])
+        rows = np.flatnonzero(aside < _SIGMAS * long + half)
         local = np.abs((positions[rows] - patch.middle) @ frame.T)
-        rows = rows[(local[:, 1] < reach[rows]) & (local[:, 2] < _REACH * size)]
+        rows = rows[(local[:, 1] < _SIGMAS * long[rows] + half) & (local[:, 2] < _REACH * pixel)]
         if len(rows) > _MOST_GAUSSIANS:
-            weight = shown[rows] - np.where(rows > 0, shown[rows - 1], 0.0)
-            rows = np.sort(rows[np.argsort(-weight, kind="stable")[:_MOST_GAUSSIANS]])
+            shown = seen[rows] * np.minimum(middle[rows] * long[rows], size**2)
+            rows = np.sort(rows[np.argsort(-shown, kind="stable")[:_MOST_GAUSSIANS]])
         yield patch, rows
+
+
+def _pixels(positions: Float64, widths: Float64, targets: Int64) -> Float64:
+    """How wide pixels are about each target, scene units: as Gaussians nearby, median of `widths` (N,)."""
+    tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
+    nearby = tree.query(positions[targets], k=range(1, min(_NEARBY, len(positions)) + 1))[1]
+    medians: Float64 = np.median(widths[nearby], axis=1)
+    return medians
 
 
 def image_errors(

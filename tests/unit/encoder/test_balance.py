@@ -110,6 +110,43 @@ def test_scenes_without_a_size_have_no_balance() -> None:
     assert balanced_octaves({}, quantised(unseen), frozenset()) == {}
 
 
+def in_a_room(cloud: GaussianCloud, num_walls: int) -> GaussianCloud:
+    """The same in a box six times as wide whose grey walls are big flat Gaussians."""
+    walls = ball(alpha=0.95, ratio=20.0, count=num_walls)
+    rng = np.random.default_rng(3)
+    positions = rng.uniform(-6, 6, (num_walls, 3)).astype(np.float32)
+    which = np.arange(num_walls)
+    axis = which % 3
+    positions[which, axis] = np.where(which % 2, 6, -6)
+    # the thin third axis is turned to stand on the wall
+    turns = np.array([[1, 0, 1, 0], [1, -1, 0, 0], [1, 0, 0, 0]], np.float32)[axis]
+    walls = replace(
+        walls,
+        positions=positions,
+        rotations=turns,
+        scales=walls.scales + np.float32(np.log(12)),
+        sh_dc=np.zeros_like(walls.sh_dc),
+        sh_rest=np.zeros_like(walls.sh_rest),
+    )
+    names = ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest")
+    return replace(cloud, **{n: np.concatenate([getattr(cloud, n), getattr(walls, n)]) for n in names})
+
+
+def test_a_room_does_not_drown_what_stands_in_it() -> None:
+    cloud = ball()
+    room = in_a_room(cloud, COUNT)
+    # steps follow the typical size, so the same steps are asked about
+    steps = quantised(cloud).steps
+    drawn = quantised(room)
+    drawn = replace(drawn, steps={a: np.full((2 * COUNT, 1), steps[a][0, 0]) for a in steps})
+    errors = image_errors(room, np.ones(2 * COUNT), drawn.draw)
+    alone = image_errors(cloud, np.ones(COUNT), quantised(cloud).draw)
+    # half of the Gaussians are the ball's, though the walls are a hundred times as large: grey walls show no
+    # error of colours, so what shows is the ball's, in half of the images
+    assert 0.25 < errors[Attribute.SH_1] / alone[Attribute.SH_1] < 0.75
+    assert errors[Attribute.OPACITY] > 0.1 * alone[Attribute.OPACITY]
+
+
 def test_errors_are_kept_below_a_limit() -> None:
     errors = {Attribute.SCALE: 1.0, Attribute.OPACITY: 3.0}
     octaves = {Attribute.SCALE: 0.5, Attribute.OPACITY: 0.0}
