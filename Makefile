@@ -112,6 +112,9 @@ bench-smooth: env-eval ## smooth scenes of 60 frames against quantised delta + z
 bench-intra: env-eval ## I-frames alone against SPZ, SOG and themselves without grading (half an hour)
 	$(BIN)/python -m evaluation.intra
 
+bench-surroundings: env-eval ## objects in rooms, under domes, in haze: does the codec see them? (20 minutes)
+	$(BIN)/python -m evaluation.surroundings
+
 bench-refresh: env-eval ## an I-frame now and then, a P-frame that mends everything, or neither (half an hour)
 	$(BIN)/python -m evaluation.refresh
 

@@ -9,6 +9,7 @@ from evaluation.paper_tables import table
 from evaluation.results_file import results
 
 _OTHERS = ("spz", "sog")
+_VARIANTS, _MEDIUM = ("no balance", "no cover", "uniform"), 28
 
 
 def _ratio(value: float | None) -> str:
@@ -71,6 +72,23 @@ def quantised_table() -> str:
             saved = "beyond its reach" if point["ratio"] is None else f"{100 * (point['ratio'] - 1):+.0f} %"
             rows.append([name, f"{point['qp']:g}", f"{point['psnr']:.1f} dB", bits, saved])
     return table(["splat, from SPZ", "QP", "PSNR", "bytes / SPZ", "against `--exact off`"], rows)
+
+
+def surroundings_table() -> str:
+    """An object alone and in surroundings: the default, and what leaving parts of the encoder out costs."""
+    rows = []
+    for name, splat in results("surroundings").items():
+        for where, found in splat.items():
+            cells = [name, where, str(found["num_gaussians"])]
+            curve = {p["qp"]: p for p in found["default"]["points"]}
+            point = curve[_MEDIUM]
+            cells.append(f"{point['bytes'] / 1000:.0f} kB, {point['psnr']:.1f} dB")
+            for variant in _VARIANTS:
+                rate = found[variant]["bd_rate"]
+                cells.append("-" if rate is None else f"{rate:+.1f} %")
+            rows.append(cells)
+    head = ["splat", "where", "N", f"default, QP {_MEDIUM}", *(f"{v}, BD-rate" for v in _VARIANTS)]
+    return table(head, rows)
 
 
 def refresh_table() -> str:

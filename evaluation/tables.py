@@ -392,6 +392,7 @@ TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "intra": ("intra", intra_tables.ratio_table),
     "intra lossless": ("intra", intra_tables.lossless_table),
     "quantised input": ("quantised_input", intra_tables.quantised_table),
+    "surroundings": ("surroundings", intra_tables.surroundings_table),
     "refresh": ("refresh", intra_tables.refresh_table),
     "prior": ("prior", prior_tables.streams_table),
     "prior models": ("prior", prior_tables.models_table),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,13 @@ from tests.helpers import dfcgs, drifting, real_cloud, write_frames
 
 NUM_FRAMES = 5
 GOF_SIZE = 2
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _interrupts() -> None:
+    """Commands under test can be interrupted, even if a shell's background job, which ignores that, tests."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

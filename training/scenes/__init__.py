@@ -4,6 +4,7 @@ animated_sequence   an animated glTF asset -> Gaussians on its surface
 trained_sequence    a static trained splat -> the same in motion
 stress_sequence     sequences that break codecs
 fitted_sequence     frames that were optimised against images, from a file of `assets/fitted`
+SURROUNDINGS        a frame -> the same in a room, under a dome, in a haze
 VARIANTS            a clean sequence -> noisy, drifting, semi-tracked, permuted, untracked, ...
 """
 
@@ -12,12 +13,14 @@ from training.scenes.fitted import fitted_sequence
 from training.scenes.options import SceneOptions
 from training.scenes.semi_tracked import semi_tracked_with_ids
 from training.scenes.stress import STRESS, stress_sequence
+from training.scenes.surroundings import SURROUNDINGS
 from training.scenes.trained import MOTIONS, trained_sequence
 from training.scenes.variants import VARIANTS, permuted_with_ids
 
 __all__ = [
     "MOTIONS",
     "STRESS",
+    "SURROUNDINGS",
     "VARIANTS",
     "SceneOptions",
     "animated_sequence",
