@@ -43,6 +43,9 @@ _MOST_ALPHA = 0.99
 _LONGEST = 1e3
 #: a patch has no more Gaussians: those that show most
 _MOST_GAUSSIANS = 2000
+#: who swaps places in depth changes the image at once, so errors that this makes grow as the number of those
+#: who do: they are too few in a few pixels, and are counted where so many times as many are
+_SWAPS = 16.0
 _GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
 
 
@@ -54,10 +57,9 @@ class _Patch:
     frame: Float64
     pixel: float
 
-    def weights(self, splats: Splats) -> tuple[Float32, Int64]:
-        """What each Gaussian adds to each pixel, (rows, pixels), front to back, and whose rows they are."""
+    def alphas(self, splats: Splats) -> tuple[Float32, Float64]:
+        """Opacity of each Gaussian at each pixel, (rows, pixels), and how far away it is, (rows,)."""
         local = (splats.positions - self.middle) @ self.frame.T
-        order = np.argsort(local[:, 2], kind="stable")
         spread = np.einsum("ij,njk->nik", self.frame[:2], splats.axes)
         spread *= splats.deviations[:, None] / self.pixel
         np.clip(spread, -_LONGEST, _LONGEST, out=spread)
@@ -65,17 +67,15 @@ class _Patch:
         b = (spread[:, 0] * spread[:, 1]).sum(axis=1)
         c = (spread[:, 1] ** 2).sum(axis=1) + _BLUR
         half = 0.5 / (a * c - b * b)
-        a, b, c = ((k * half)[order, None].astype(np.float32) for k in (a, b, c))
+        a, b, c = ((k * half)[:, None].astype(np.float32) for k in (a, b, c))
         place = (np.arange(_SIDE) - (_SIDE - 1) / 2) * _STRIDE
-        u = (place - local[order, :1] / self.pixel).astype(np.float32)
-        v = (place - local[order, 1:2] / self.pixel).astype(np.float32)
+        u = (place - local[:, :1] / self.pixel).astype(np.float32)
+        v = (place - local[:, 1:2] / self.pixel).astype(np.float32)
         power = (c * u * u)[:, :, None] + (a * v * v)[:, None, :]
         power -= (2 * b * u)[:, :, None] * v[:, None, :]
-        alpha = np.exp(-power, out=power).reshape(len(order), -1)
-        alpha *= splats.alpha[order, None].astype(np.float32)
-        np.minimum(alpha, np.float32(_MOST_ALPHA), out=alpha)
-        alpha[1:] *= np.cumprod(1 - alpha[:-1], axis=0)
-        return alpha, order
+        alpha = np.exp(-power, out=power).reshape(len(local), -1)
+        alpha *= splats.alpha[:, None].astype(np.float32)
+        return np.minimum(alpha, np.float32(_MOST_ALPHA), out=alpha), local[:, 2]
 
     def shades(self, colours: Float64) -> Float32:
         """Colours (rows, 3) as they are seen from there."""
@@ -83,11 +83,16 @@ class _Patch:
         shades: Float32 = np.maximum(colours @ basis + 0.5, 0.0).astype(np.float32)
         return shades
 
-    def image(self, splats: Splats) -> Float32:
-        """Pixels (pixels, 3)."""
-        weights, order = self.weights(splats)
-        pixels: Float32 = weights.T @ self.shades(splats.colours)[order]
-        return pixels
+
+def _weights(alphas: Float32, order: Int64) -> Float32:
+    """What Gaussians add to pixels, front to back: rows of `alphas` (rows, pixels) in that order."""
+    weights = alphas[order]
+    weights[1:] *= np.cumprod(1 - weights[:-1], axis=0)
+    return weights
+
+
+def _squared(difference: Float32) -> float:
+    return float((difference.astype(np.float64) ** 2).mean())
 
 
 def _directions() -> Float64:
@@ -148,16 +153,21 @@ def image_errors(
     def of_patch(where: tuple[_Patch, Int64]) -> dict[Attribute, float]:
         patch, rows = where
         splats, changed = draw(rows)
-        weights, order = patch.weights(splats)
-        shades = patch.shades(splats.colours)[order]
+        alphas, depth = patch.alphas(splats)
+        order = np.argsort(depth, kind="stable")
+        weights, shades = _weights(alphas, order), patch.shades(splats.colours)[order]
         image = weights.T @ shades
         errors = {}
         for attribute, there in changed.items():
             if attribute >= Attribute.SH_DC:
-                difference = weights.T @ (patch.shades(there.colours)[order] - shades)
-            else:
-                difference = patch.image(there) - image
-            errors[attribute] = float((difference.astype(np.float64) ** 2).mean())
+                errors[attribute] = _squared(weights.T @ (patch.shades(there.colours)[order] - shades))
+                continue
+            moved, depth_there = patch.alphas(there)
+            errors[attribute] = _squared(_weights(moved, order).T @ shades - image)
+            if attribute == Attribute.POSITION:
+                swapped = np.argsort(depth + _SWAPS * (depth_there - depth), kind="stable")
+                other = _weights(alphas, swapped).T @ patch.shades(splats.colours)[swapped]
+                errors[attribute] += _squared(other - image) / _SWAPS
         return errors
 
     total: dict[Attribute, float] = {}
