@@ -10,20 +10,19 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
 from collections.abc import Iterator
 from collections.abc import Sequence as Arguments
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec import EncoderOptions, GaussianCloud
 from evaluation.assets import has_asset
 from evaluation.bd import bd_delta
 from evaluation.bench import known_results
 from evaluation.intra import SPLATS
 from evaluation.quality import frame_quality, image, psnr
+from evaluation.quantised_input import coded
 from evaluation.record import write_result
 from evaluation.render import Camera, orbit
 from training.scenes.surroundings import SURROUNDINGS
@@ -60,13 +59,6 @@ def scenes(cloud: GaussianCloud, name: str) -> Iterator[GaussianCloud]:
         yield SURROUNDINGS[name](cloud, seed)
 
 
-def _coded(cloud: GaussianCloud, options: EncoderOptions) -> tuple[int, GaussianCloud]:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "frame.dgs"
-        encode_sequence([cloud], path, options)
-        return path.stat().st_size, next(iter(decode_sequence(path))).cloud()
-
-
 def compare(cloud: GaussianCloud, name: str) -> dict[str, Any]:
     """Points of every variant, and their BD-rates against the default."""
     cameras, found = views(cloud), list(scenes(cloud, name))
@@ -75,7 +67,7 @@ def compare(cloud: GaussianCloud, name: str) -> dict[str, Any]:
         sources = [image(scene, camera) for camera in cameras]
         for variant, changes in VARIANTS.items():
             for row, qp in enumerate(QPS):
-                size, decoded = _coded(scene, EncoderOptions(qp=qp, **changes))
+                size, _, decoded = coded(scene, EncoderOptions(qp=qp, **changes))
                 error = frame_quality(0, sources, decoded, cameras).visible.mse
                 sums[variant][row] += np.array([size, error]) / len(found)
     points = {v: [(float(size), psnr(float(error))) for size, error in rows] for v, rows in sums.items()}

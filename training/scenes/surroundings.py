@@ -7,7 +7,7 @@ have most of the area and least of the detail; a codec that takes area for impor
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,18 +30,21 @@ _SOLID_LOGIT = 3.0
 _THIN = 3.0
 
 
-def _joined(
-    cloud: GaussianCloud,
-    positions: Float64,
-    normals: Float64,
-    log_scales: Float64,
-    logit: float,
-    rng: np.random.Generator,
-) -> GaussianCloud:
-    """`cloud`, then flat Gaussians that face `normals` (n, 3), in colours that change smoothly."""
+@dataclass(frozen=True)
+class _Flat:
+    """Places (n, 3), scene units, what flat Gaussians face, log-scales, that across first; mean logit."""
+
+    positions: Float64
+    normals: Float64
+    log_scales: Float64
+    logit: float
+
+
+def _joined(cloud: GaussianCloud, flat: _Flat, rng: np.random.Generator) -> GaussianCloud:
+    """`cloud`, then the flat Gaussians, in colours that change smoothly."""
+    positions, normals = flat.positions, flat.normals
     count = len(positions)
     size = scene_size(cloud.positions)
-    log_scales = log_scales - np.array([_THIN, 0.0, 0.0])
     # half of the turn from the first axis to the normal, then any turn about it
     halfway = np.column_stack([1.0 + normals[:, 0], np.zeros(count), -normals[:, 2], normals[:, 1]])
     opposite = np.linalg.norm(halfway, axis=1) < 1e-3
@@ -52,8 +55,8 @@ def _joined(
     fresh = {
         "positions": positions,
         "rotations": turns,
-        "scales": log_scales,
-        "opacities": rng.normal(logit, 1.0, count),
+        "scales": flat.log_scales - np.array([_THIN, 0.0, 0.0]),
+        "opacities": rng.normal(flat.logit, 1.0, count),
         "sh_dc": colours,
         "sh_rest": rng.normal(0.0, 0.05, (count, *cloud.sh_rest.shape[1:])),
     }
@@ -61,6 +64,18 @@ def _joined(
         cloud,
         **{n: np.concatenate([getattr(cloud, n), values.astype(np.float32)]) for n, values in fresh.items()},
     )
+
+
+def _middle(cloud: GaussianCloud) -> Float64:
+    middle: Float64 = np.median(cloud.positions, axis=0).astype(np.float64)
+    return middle
+
+
+def _all_around(rng: np.random.Generator, count: int) -> Float64:
+    """Unit vectors (count, 3) in all directions."""
+    vectors = rng.standard_normal((count, 3))
+    unit: Float64 = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return unit
 
 
 def in_a_room(cloud: GaussianCloud, seed: int) -> GaussianCloud:
@@ -72,33 +87,29 @@ def in_a_room(cloud: GaussianCloud, seed: int) -> GaussianCloud:
     normals[which, axis] = rng.choice([-1.0, 1.0], count)
     positions = np.where(normals == 0.0, rng.uniform(-half, half, (count, 3)), half * normals)
     width = np.log(np.sqrt(6 * (2 * half) ** 2 / count))
-    middle = np.median(cloud.positions, axis=0).astype(np.float64)
     scales = width + rng.normal(0.0, 0.5, (count, 3))
-    return _joined(cloud, middle + positions, normals, scales, _SOLID_LOGIT, rng)
+    return _joined(cloud, _Flat(_middle(cloud) + positions, normals, scales, _SOLID_LOGIT), rng)
 
 
 def under_a_dome(cloud: GaussianCloud, seed: int) -> GaussianCloud:
     """Few and very large ones far away, all around."""
     rng = np.random.default_rng([seed, SURROUNDINGS_STREAM])
     count = max(1, round(DOME_SHARE * cloud.num_gaussians))
-    normals = rng.standard_normal((count, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = _all_around(rng, count)
     distance = scene_size(cloud.positions) * rng.uniform(DOME_NEAR, DOME_FAR, (count, 1))
-    middle = np.median(cloud.positions, axis=0).astype(np.float64)
     scales = np.log(distance * rng.uniform(0.05, 0.3, (count, 3)))
-    return _joined(cloud, middle + distance * normals, normals, scales, _SOLID_LOGIT, rng)
+    positions = _middle(cloud) + distance * normals
+    return _joined(cloud, _Flat(positions, normals, scales, _SOLID_LOGIT), rng)
 
 
 def in_a_haze(cloud: GaussianCloud, seed: int) -> GaussianCloud:
     """Large and nearly transparent floaters before it, behind it and in it."""
     rng = np.random.default_rng([seed, SURROUNDINGS_STREAM])
     count, size = max(1, round(HAZE_SHARE * cloud.num_gaussians)), scene_size(cloud.positions)
-    normals = rng.standard_normal((count, 3))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    middle = np.median(cloud.positions, axis=0).astype(np.float64)
-    positions = middle + HAZE_WIDTH * size * rng.standard_normal((count, 3))
+    normals = _all_around(rng, count)
+    positions = _middle(cloud) + HAZE_WIDTH * size * rng.standard_normal((count, 3))
     scales = np.log(size * rng.uniform(0.2, 1.5, (count, 3)))
-    return _joined(cloud, positions, normals, scales, HAZE_LOGIT, rng)
+    return _joined(cloud, _Flat(positions, normals, scales, HAZE_LOGIT), rng)
 
 
 SURROUNDINGS: dict[str, Callable[[GaussianCloud, int], GaussianCloud]] = {

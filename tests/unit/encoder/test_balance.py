@@ -17,7 +17,7 @@ from dfcgs_codec.encoder.sensitivity import image_errors
 from dfcgs_codec.encoder.targets import Targets
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import MemorySource
-from tests.helpers import make_cloud
+from tests.helpers import FIELDS, make_cloud
 
 COUNT = 1500
 
@@ -140,8 +140,7 @@ def in_a_room(cloud: GaussianCloud, num_walls: int) -> GaussianCloud:
         sh_dc=np.zeros_like(walls.sh_dc),
         sh_rest=np.zeros_like(walls.sh_rest),
     )
-    names = ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest")
-    return replace(cloud, **{n: np.concatenate([getattr(cloud, n), getattr(walls, n)]) for n in names})
+    return replace(cloud, **{n: np.concatenate([getattr(cloud, n), getattr(walls, n)]) for n in FIELDS})
 
 
 def test_a_room_does_not_drown_what_stands_in_it() -> None:
