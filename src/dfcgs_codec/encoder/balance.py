@@ -8,7 +8,7 @@ all errors is to stay what it was.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.encoder.sensitivity import ImageError
 from dfcgs_codec.encoder.splats import Splats, alpha_of, deviations, rotation_matrices
 from dfcgs_codec.transform.companding import compress_thinness, expand, expand_thinness
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE
@@ -25,9 +26,9 @@ Float64 = npt.NDArray[np.float64]
 
 #: steps change by no more octaves
 _MOST_OCTAVES = 1.2
-#: errors grow with the square of steps, those of positions more slowly (who swaps places in depth changes
-#: the image at once), so that a bit mends less than their size says; of 0.25, 0.4, 0.65 and 1
-_POSITION_SHARE = 0.4
+#: how far what a bit is worth is looked for, and how closely
+_WORTH_OCTAVES = 64.0
+_HALVINGS = 48
 #: what shows nothing counts as this share of all errors
 _LEAST_SHARE = 1e-6
 #: Gaussians that the cost of a bit is estimated from
@@ -135,37 +136,69 @@ def bits_per_octave(sizes: Float64, zero_bin: float) -> float:
     return float(np.clip(slopes, 0.0, 1.0).mean())
 
 
+def _octaves(error: ImageError, worth: float) -> float:
+    """Octaves by which steps are to be coarser, so that half of the slope on logarithms is `worth`."""
+    half = 0.5 * error.swaps
+    # smooth x^2 + half x = worth, where steps are x times as large
+    return float(np.log2(2.0 * worth / (half + np.sqrt(half * half + 4.0 * error.smooth * worth))))
+
+
+def _sum_of(errors: Mapping[Attribute, ImageError], octaves: Mapping[Attribute, float]) -> float:
+    """All errors with steps coarser by so many octaves."""
+    return sum(error.at(octaves.get(attribute, 0.0)) for attribute, error in errors.items())
+
+
+def _largest(total: Callable[[float], float], limit: float, low: float, high: float) -> float:
+    """The largest exponent from `low` to `high` at which `total`, which rises, is not above `limit`."""
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if total(middle) > limit else (middle, high)
+    return low
+
+
 def balanced_octaves(
-    errors: Mapping[Attribute, float], quantised: Quantised, fixed: frozenset[Attribute]
+    errors: Mapping[Attribute, ImageError], quantised: Quantised, fixed: frozenset[Attribute]
 ) -> dict[Attribute, float]:
     """Octaves by which steps of attributes are to be coarser; those of `fixed` ones are as they are.
 
     `errors` are those that each attribute makes with the steps it has (`image_errors`); none where nothing
     can be seen.
     """
-    least = _LEAST_SHARE * sum(errors.values())
+    least = _LEAST_SHARE * sum(error.at(0.0) for error in errors.values())
     if least <= 0.0:
         return {}
     count = len(quantised.planes[Attribute.POSITION])
     rows = np.arange(0, count, max(1, count // _MOST_ROWS))
-    slopes, gains = {}, {}
-    for attribute in errors.keys() - fixed:
+    bits, shown = {}, {}
+    for attribute in sorted(errors.keys() - fixed):
         columns = 3 if attribute == Attribute.ROTATION else STATE_COLUMNS[attribute]
         share = 1.0
         if attribute > Attribute.SH_DC:
             share = bits_per_octave(quantised.sizes(attribute, rows), quantised.zero_bin)
-        slopes[attribute] = max(columns * share, _LEAST_SHARE)
-        of_position = attribute == Attribute.POSITION
-        gains[attribute] = max(errors[attribute], least) * (_POSITION_SHARE if of_position else 1.0)
-    total = np.log2(sum(gains.values()) / sum(slopes.values()))
-    octaves = {a: 0.5 * (total + np.log2(slopes[a] / gains[a])) for a in sorted(slopes)}
-    return {a: float(np.clip(octave, -_MOST_OCTAVES, _MOST_OCTAVES)) for a, octave in octaves.items()}
+        bits[attribute] = max(columns * share, _LEAST_SHARE)
+        error = errors[attribute]
+        shown[attribute] = replace(error, smooth=max(error.smooth, least))
+
+    def octaves(worth: float) -> dict[Attribute, float]:
+        return {a: _octaves(error, bits[a] * 2.0**worth) for a, error in shown.items()}
+
+    # what a bit is worth: as much as keeps the sum of all errors
+    limit = _sum_of(shown, {})
+    middle = float(np.log2(limit))
+    worth = _largest(
+        lambda w: _sum_of(shown, octaves(w)), limit, middle - _WORTH_OCTAVES, middle + _WORTH_OCTAVES
+    )
+    return {a: float(np.clip(o, -_MOST_OCTAVES, _MOST_OCTAVES)) for a, o in octaves(worth).items()}
 
 
 def no_worse(
-    octaves: Mapping[Attribute, float], errors: Mapping[Attribute, float], limit: float
+    octaves: Mapping[Attribute, float], errors: Mapping[Attribute, ImageError], limit: float
 ) -> dict[Attribute, float]:
     """The same octaves, all less by as much as keeps the sum of all errors below `limit`."""
-    expected = sum(error * 4.0 ** octaves.get(a, 0.0) for a, error in errors.items())
-    less = max(0.0, 0.5 * float(np.log2(expected / limit))) if expected > 0.0 and limit > 0.0 else 0.0
-    return {attribute: octave - less for attribute, octave in octaves.items()}
+
+    def changed(more: float) -> dict[Attribute, float]:
+        return {attribute: octave + more for attribute, octave in octaves.items()}
+
+    if _sum_of(errors, octaves) <= limit:
+        return dict(octaves)
+    return changed(_largest(lambda more: _sum_of(errors, changed(more)), limit, -_WORTH_OCTAVES, 0.0))

@@ -30,6 +30,9 @@ Float64 = npt.NDArray[np.float64]
 #: share of what the first frame says that is believed of P-frames: errors there are not larger than what
 #: changes, and nobody knows yet what will
 _INTER_SHARE = 0.5
+#: of errors of positions in P-frames, as much counts: what motion leaves of them is mostly less than a step.
+#: From 0.15 to 0.35 three of four sequences take the same bytes within 0.2 %, and 2 to 4 % more at 1
+_INTER_POSITION = 0.25
 #: errors of P-frames, if everything changed by more than its step, to those of I-frames, at most: 4.5 dB.
 #: Where everything trembles, P-frames are then 1.3 dB below I-frames in the mean
 _INTER_ERROR = 2.8
@@ -84,12 +87,15 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
             looked_inter = beside.submit(image_errors, first, found, inter.draw)
     errors = looked.result()
     for attribute in grading.alternating & errors.keys():
-        errors[attribute] *= ALTERNATING_ERROR
+        errors[attribute] = errors[attribute].scaled(ALTERNATING_ERROR)
     graded = balanced_octaves(errors, intra, bounded)
     octaves: dict[Attribute, float] = {}
     if inter is not None:
-        limit, errors = _INTER_ERROR * sum(errors.values()), looked_inter.result()
-        octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(errors, inter, bounded).items()}
+        limit = _INTER_ERROR * sum(error.at(0.0) for error in errors.values())
+        errors = looked_inter.result()
+        count = {Attribute.POSITION: _INTER_POSITION}
+        counted = {a: error.scaled(count.get(a, 1.0)) for a, error in errors.items()}
+        octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, inter, bounded).items()}
         octaves = no_worse(octaves, errors, limit)
     return replace(plan, quantisation=plan.quantisation.balanced(graded, octaves), first_light=found)
 

@@ -43,10 +43,33 @@ _MOST_ALPHA = 0.99
 _LONGEST = 1e3
 #: a patch has no more Gaussians: those that show most
 _MOST_GAUSSIANS = 2000
-#: who swaps places in depth changes the image at once, so errors that this makes grow as the number of those
-#: who do: they are too few in a few pixels, and are counted where so many times as many are
+#: of those who swap places in depth there are too few in a few pixels: they are counted where so many times
+#: as many do
 _SWAPS = 16.0
 _GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
+
+
+@dataclass(frozen=True)
+class ImageError:
+    """Mean squared error of pixels that the steps of an attribute make.
+
+    `smooth` grows with the square of the steps. `swaps` is of Gaussians that swap places in depth: each
+    changes the image at once, so it grows with their number, as the steps do.
+    """
+
+    smooth: float
+    swaps: float = 0.0
+
+    def at(self, octaves: float) -> float:
+        """All of it, with steps coarser by so many octaves."""
+        return self.smooth * float(4.0**octaves) + self.swaps * float(2.0**octaves)
+
+    def scaled(self, by: float) -> ImageError:
+        """Both parts times `by`."""
+        return ImageError(self.smooth * by, self.swaps * by)
+
+    def __add__(self, other: ImageError) -> ImageError:
+        return ImageError(self.smooth + other.smooth, self.swaps + other.swaps)
 
 
 @dataclass(frozen=True)
@@ -143,37 +166,38 @@ def _pixels(positions: Float64, widths: Float64, targets: Int64) -> Float64:
 
 def image_errors(
     cloud: GaussianCloud, light: Float64, draw: Callable[[Int64], tuple[Splats, Mapping[Attribute, Splats]]]
-) -> dict[Attribute, float]:
-    """Mean squared errors of pixels, by attribute; none where nothing can be seen.
+) -> dict[Attribute, ImageError]:
+    """Errors of pixels, by attribute; none where nothing can be seen.
 
     `light` (N,): the share of light that reaches each Gaussian. `draw` gives some of the Gaussians as they
     are, and by attribute as they are with that one quantised.
     """
 
-    def of_patch(where: tuple[_Patch, Int64]) -> dict[Attribute, float]:
+    def of_patch(where: tuple[_Patch, Int64]) -> dict[Attribute, ImageError]:
         patch, rows = where
         splats, changed = draw(rows)
         alphas, depth = patch.alphas(splats)
         order = np.argsort(depth, kind="stable")
-        weights, shades = _weights(alphas, order), patch.shades(splats.colours)[order]
-        image = weights.T @ shades
+        weights, shades = _weights(alphas, order), patch.shades(splats.colours)
+        image = weights.T @ shades[order]
         errors = {}
         for attribute, there in changed.items():
             if attribute >= Attribute.SH_DC:
-                errors[attribute] = _squared(weights.T @ (patch.shades(there.colours)[order] - shades))
+                difference = weights.T @ (patch.shades(there.colours) - shades)[order]
+                errors[attribute] = ImageError(_squared(difference))
                 continue
             moved, depth_there = patch.alphas(there)
-            errors[attribute] = _squared(_weights(moved, order).T @ shades - image)
+            errors[attribute] = ImageError(_squared(_weights(moved, order).T @ shades[order] - image))
             if attribute == Attribute.POSITION:
                 swapped = np.argsort(depth + _SWAPS * (depth_there - depth), kind="stable")
-                other = _weights(alphas, swapped).T @ patch.shades(splats.colours)[swapped]
-                errors[attribute] += _squared(other - image) / _SWAPS
+                swaps = _squared(_weights(alphas, swapped).T @ shades[swapped] - image) / _SWAPS
+                errors[attribute] += ImageError(0.0, swaps)
         return errors
 
-    total: dict[Attribute, float] = {}
+    total: dict[Attribute, ImageError] = {}
     with ThreadPoolExecutor(2) as beside:
         # summed in one order, whoever is first
         for errors in beside.map(of_patch, _patches(cloud, light)):
             for attribute, error in errors.items():
-                total[attribute] = total.get(attribute, 0.0) + error
-    return {attribute: value / _PATCHES for attribute, value in total.items()}
+                total[attribute] = total.get(attribute, ImageError(0.0)) + error
+    return {attribute: error.scaled(1.0 / _PATCHES) for attribute, error in total.items()}
