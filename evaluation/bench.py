@@ -123,7 +123,7 @@ def known_results(result: str) -> dict[str, Any]:
     return results
 
 
-def _merged(old: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
+def merged(old: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
     """New points, and of the old ones those of methods that this run left out, if the input is the same.
 
     Points of methods that there are no more are dropped; methods stay in their usual order.
@@ -151,7 +151,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
     conditions = {"plan": asdict(plan), "render_every": _RENDER_EVERY, "cores": 2}
     for scene in _scenes(plan, args.scenes):
         new = bench_scene(scene, plan, _points(plan, args.methods))
-        results[scene.name] = _merged(results.get(scene.name), new)
+        results[scene.name] = merged(results.get(scene.name), new)
         path = write_result(plan.result, conditions, results)
     print(path)
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from evaluation.assets import has_asset
 from evaluation.bd import bd_delta
-from evaluation.bench import PLANS, bench_scene, known_results
+from evaluation.bench import PLANS, bench_scene, known_results, merged
 from evaluation.points import Point, baseline_points, codec_points
 from evaluation.record import write_result
 from evaluation.results_file import curves
@@ -30,10 +30,10 @@ _LEFT_OUT = ("transparent", "qp40")
 Figures = dict[str, Any]
 
 
-def points() -> list[Point]:
+def points(methods: Arguments[str] = _METHODS) -> list[Point]:
     """Our presets and the baseline's sweep."""
     found = [*codec_points(), *baseline_points()]
-    return [point for point in found if point.method in _METHODS and point.setting not in _LEFT_OUT]
+    return [point for point in found if point.method in methods and point.setting not in _LEFT_OUT]
 
 
 def ratios(rows: list[Figures]) -> dict[str, float]:
@@ -47,6 +47,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
     """Run and write the result after every scene."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenes", nargs="*", default=list(SCENES), help="only these")
+    parser.add_argument("--methods", nargs="*", default=list(_METHODS), help="only these")
     args = parser.parse_args(arguments)
     results = known_results("long_smooth")
     for name in args.scenes:
@@ -54,7 +55,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
         if not has_asset(scene.asset):
             print(f"{name}: skipped, {scene.asset} is not on this machine", flush=True)
             continue
-        found = bench_scene(scene, PLANS["bench"], points())
+        found = merged(results.get(name), bench_scene(scene, PLANS["bench"], points(args.methods)))
         results[name] = {"ratios": ratios(found["points"])} | found
         print(name, results[name]["ratios"], flush=True)
         path = write_result("long_smooth", {"frames": NUM_FRAMES}, results)

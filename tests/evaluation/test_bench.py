@@ -125,9 +125,9 @@ def test_a_run_of_some_methods_keeps_the_figures_of_others() -> None:
     old = {"input_sha256": "a", "points": [{"method": "dfcgs", "bytes": 1}, {"method": "spz", "bytes": 2}]}
     old["points"].append({"method": "of_another_time", "bytes": 9})
     new = {"input_sha256": "a", "points": [{"method": "dfcgs", "bytes": 3}]}
-    assert [p["bytes"] for p in bench._merged(old, new)["points"]] == [3, 2]
-    assert bench._merged({**old, "input_sha256": "b"}, new) == new
-    assert bench._merged(None, new) == new
+    assert [p["bytes"] for p in bench.merged(old, new)["points"]] == [3, 2]
+    assert bench.merged({**old, "input_sha256": "b"}, new) == new
+    assert bench.merged(None, new) == new
 
 
 def test_methods_keep_their_order() -> None:
@@ -138,7 +138,7 @@ def test_methods_keep_their_order() -> None:
     ]
     old = {"input_sha256": "a", "points": rows}
     new = {"input_sha256": "a", "points": [{"method": "dfcgs_intra", "bytes": 4}]}
-    assert [p["bytes"] for p in bench._merged(old, new)["points"]] == [1, 4, 3]
+    assert [p["bytes"] for p in bench.merged(old, new)["points"]] == [1, 4, 3]
 
 
 def test_every_scene_has_eight_views() -> None:
