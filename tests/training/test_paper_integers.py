@@ -117,8 +117,9 @@ def test_integers_stand_for_the_float_networks(exported):
     for name, inputs in seen.items():
         with torch.no_grad():
             expected, found = run.model.nets[name](inputs), integer.nets[name](inputs)
-        error = (found - expected).abs().mean() / expected.abs().mean()
-        assert error < 0.02, f"{name}: {error}"
+        error, size = float((found - expected).abs().mean()), float(expected.abs().mean())
+        # results are multiples of 1/1024, and a network that is hardly trained says hardly more than that
+        assert error < 0.02 * size + 0.5 / 1024, f"{name}: {error} of {size}"
 
 
 def test_coding_with_integers_costs_about_what_the_float_networks_say(exported):

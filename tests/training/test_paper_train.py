@@ -30,7 +30,8 @@ def same_weights(one, other):
 
 @pytest.fixture(scope="module")
 def learnt(data):
-    return train(Run.new(Config(seed=1, warm_up=500, geometry=60, rendering=0, batch=1)), data)
+    # with half as many steps ratios below are 0.57 to 0.84, by seed and processor; with these 0.52 to 0.64
+    return train(Run.new(Config(seed=1, warm_up=1000, geometry=60, rendering=0, batch=1)), data)
 
 
 def test_the_loss_falls(learnt):
