@@ -143,7 +143,7 @@ def _octaves(error: ImageError, worth: float) -> float:
     return float(np.log2(2.0 * worth / (half + np.sqrt(half * half + 4.0 * error.smooth * worth))))
 
 
-def _sum_of(errors: Mapping[Attribute, ImageError], octaves: Mapping[Attribute, float]) -> float:
+def total_error(errors: Mapping[Attribute, ImageError], octaves: Mapping[Attribute, float]) -> float:
     """All errors with steps coarser by so many octaves."""
     return sum(error.at(octaves.get(attribute, 0.0)) for attribute, error in errors.items())
 
@@ -183,10 +183,10 @@ def balanced_octaves(
         return {a: _octaves(error, bits[a] * 2.0**worth) for a, error in shown.items()}
 
     # what a bit is worth: as much as keeps the sum of all errors
-    limit = _sum_of(shown, {})
+    limit = total_error(shown, {})
     middle = float(np.log2(limit))
     worth = _largest(
-        lambda w: _sum_of(shown, octaves(w)), limit, middle - _WORTH_OCTAVES, middle + _WORTH_OCTAVES
+        lambda w: total_error(shown, octaves(w)), limit, middle - _WORTH_OCTAVES, middle + _WORTH_OCTAVES
     )
     return {a: float(np.clip(o, -_MOST_OCTAVES, _MOST_OCTAVES)) for a, o in octaves(worth).items()}
 
@@ -194,11 +194,12 @@ def balanced_octaves(
 def no_worse(
     octaves: Mapping[Attribute, float], errors: Mapping[Attribute, ImageError], limit: float
 ) -> dict[Attribute, float]:
-    """The same octaves, all less by as much as keeps the sum of all errors below `limit`."""
+    """The same octaves, all less by as much as keeps the sum of all errors below `limit`, if that is one."""
 
     def changed(more: float) -> dict[Attribute, float]:
         return {attribute: octave + more for attribute, octave in octaves.items()}
 
-    if _sum_of(errors, octaves) <= limit:
+    # with a limit of 0 nothing could be seen: no step is fine enough
+    if limit <= 0.0 or total_error(errors, octaves) <= limit:
         return dict(octaves)
-    return changed(_largest(lambda more: _sum_of(errors, changed(more)), limit, -_WORTH_OCTAVES, 0.0))
+    return changed(_largest(lambda more: total_error(errors, changed(more)), limit, -_WORTH_OCTAVES, 0.0))

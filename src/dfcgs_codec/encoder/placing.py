@@ -13,7 +13,7 @@ from dfcgs_codec.bitstream.frame_headers import Grading, SortGrid
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.visibility import MULTIPLIER_BITS, Visibility
 from dfcgs_codec.encoder.analysis import Planes, order_of, plan_grid
-from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, no_worse
+from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, no_worse, total_error
 from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
 from dfcgs_codec.encoder.cover import cover_of, light
 from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
@@ -91,10 +91,10 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
     graded = balanced_octaves(errors, intra, bounded)
     octaves: dict[Attribute, float] = {}
     if inter is not None:
-        limit = _INTER_ERROR * sum(error.at(0.0) for error in errors.values())
+        limit = _INTER_ERROR * total_error(errors, {})
         errors = looked_inter.result()
-        count = {Attribute.POSITION: _INTER_POSITION}
-        counted = {a: error.scaled(count.get(a, 1.0)) for a, error in errors.items()}
+        shares = {Attribute.POSITION: _INTER_POSITION}
+        counted = {a: error.scaled(shares.get(a, 1.0)) for a, error in errors.items()}
         octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, inter, bounded).items()}
         octaves = no_worse(octaves, errors, limit)
     return replace(plan, quantisation=plan.quantisation.balanced(graded, octaves), first_light=found)

@@ -9,7 +9,7 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, bits_per_octave, no_worse
+from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, bits_per_octave, no_worse, total_error
 from dfcgs_codec.encoder.encoder import plan_sequence
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.rate_control import Bound, plan_quantisation
@@ -55,10 +55,6 @@ def octaves(cloud: GaussianCloud, **changes: frozenset[Attribute]) -> dict[Attri
     fixed = changes.get("fixed", frozenset())
     drawn = quantised(cloud)
     return balanced_octaves(image_errors(cloud, np.ones(cloud.num_gaussians), drawn.draw), drawn, fixed)
-
-
-def total(errors: dict[Attribute, ImageError], octaves: dict[Attribute, float] | None = None) -> float:
-    return sum(error.at((octaves or {}).get(a, 0.0)) for a, error in errors.items())
 
 
 def test_errors_grow_with_the_square_of_steps() -> None:
@@ -109,7 +105,7 @@ def test_the_sum_of_errors_stays() -> None:
     steps = {a: step * 2.0 ** found[a] for a, step in before.steps.items()}
     old = image_errors(cloud, light, before.draw)
     new = image_errors(cloud, light, replace(before, steps=steps).draw)
-    assert total(new) == pytest.approx(total(old), rel=0.35)
+    assert total_error(new, {}) == pytest.approx(total_error(old, {}), rel=0.35)
 
 
 def test_fixed_attributes_are_left_alone() -> None:
@@ -181,7 +177,7 @@ def test_a_bit_buys_the_same_in_each_attribute() -> None:
         }
         found = balanced_octaves(errors, drawn, frozenset())
         assert max(map(abs, found.values())) < 1.2, "limits hide what is tested"
-        assert total(errors, found) == pytest.approx(total(errors), rel=1e-6)
+        assert total_error(errors, found) == pytest.approx(total_error(errors, {}), rel=1e-6)
         slopes = [
             (error.at(found[a] + 1e-4) - error.at(found[a] - 1e-4)) / columns
             for (a, error), columns in zip(errors.items(), (3, 1, 3), strict=True)
@@ -194,9 +190,13 @@ def test_errors_are_kept_below_a_limit() -> None:
     octaves = {Attribute.POSITION: 0.5, Attribute.OPACITY: 0.0}
     assert no_worse(octaves, errors, 5.0) == octaves
     less = no_worse(octaves, errors, 2.0)
-    assert total(errors, less) == pytest.approx(2.0)
+    assert total_error(errors, less) == pytest.approx(2.0)
+    # 0.5 x 4^o + 0.5 x 2^o + 3 x 4^p, written out once
+    o, p = less[Attribute.POSITION], less[Attribute.OPACITY]
+    assert 0.5 * 4**o + 0.5 * 2**o + 3 * 4**p == pytest.approx(2.0)
     assert less[Attribute.POSITION] - less[Attribute.OPACITY] == pytest.approx(0.5)
     assert no_worse({}, {}, 0.0) == {}
+    assert no_worse(octaves, errors, 0.0) == octaves
 
 
 def plan_of(clouds: list[GaussianCloud], **options: object) -> SequencePlan:
