@@ -39,6 +39,7 @@ VARIANTS: dict[str, list[str]] = {
     "M = 140": ["--control-spacing", "140"],
     "M = 280": ["--control-spacing", "280"],
     "stride": ["--control-points", "stride"],
+    "steady": ["--steady"],
 }
 #: what no option leaves out is left out in the encoder's process: statements before it runs
 PATCHES = {

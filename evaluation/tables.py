@@ -119,12 +119,12 @@ def drift_table() -> str:
     """Drift by scene and GoF size."""
     rows = []
     for name, scene in results("drift").items():
-        for key in (k for k in scene if k.startswith("gof")):
+        for key in (k for k in scene if k != "intra"):
             figures = scene[key]
             rows.append(
                 [
                     name,
-                    key[3:],
+                    key.removeprefix("gof").replace("steady", "`--steady`, "),
                     f"{figures['bytes'] / scene['intra']['bytes']:.2f}",
                     f"{figures['mean_difference']:+.2f}",
                     f"{figures['worst_difference']:+.2f}",

@@ -238,6 +238,20 @@ def test_steps_can_be_the_same_for_all(tmp_path: Path) -> None:
     assert found["visibility", "auto"]["num_bytes"] < found["uniform", "auto"]["num_bytes"]
 
 
+def test_steady_frames_take_more_bytes(tmp_path: Path) -> None:
+    frames_dir = write_frames(tmp_path / "frames", all_changing(real_cloud(300), 4))
+    sizes = []
+    for options in ((), ("--steady",)):
+        target = tmp_path / f"{len(options)}.dgs"
+        done = dfcgs("encode", frames_dir, target, *options, "--verify")
+        assert done.returncode == 0, done.stderr
+        sizes.append(target.stat().st_size)
+    assert sizes[0] < sizes[1]
+    refused = dfcgs("encode", frames_dir, tmp_path / "a.dgs", "--steady", "--balance", "off")
+    assert refused.returncode == 1
+    assert "--steady" in refused.stderr
+
+
 def test_motion_can_be_left_out(frames_dir: Path, tmp_path: Path) -> None:
     chunks = {}
     for mode in ("off", "on"):

@@ -87,6 +87,7 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         visibility=values["steps"] == "visibility",
         cover=values["cover"] == "auto",
         balance=values["balance"] == "auto",
+        steady=values["steady"],
         exact=values["exact"] == "auto",
         prior=PriorMode(values["prior"]),
         intra=IntraKind[values["intra"].upper()],
@@ -228,6 +229,11 @@ def _summary(report: EncodeReport, target: Path) -> str:
     default="auto",
     show_default=True,
     help="Whether steps of attributes follow how much each shows in the first frame.",
+)
+@click.option(
+    "--steady",
+    is_flag=True,
+    help="Keep P-frames within about 1 dB of I-frames, where everything changes at more bytes.",
 )
 @click.option(
     "--exact",

@@ -72,7 +72,8 @@ class EncoderOptions:
     control points moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one
     control point for `control_spacing` Gaussians (M of the paper);
     `visibility`: steps are coarser for what shows less; `cover`: so they are for what lies behind others;
-    `balance`: steps of attributes follow what they show in the first frame; `exact`: values that the
+    `balance`: steps of attributes follow what they show in the first frame; `steady`: P-frames have steps
+    fine enough to stay about as good as I-frames; `exact`: values that the
     input has quantised are kept as they are, where that is smaller;
     `intra_zero_bin` is that of I-frames; `prior`: which streams of P-frames take
     the frozen prior; `model_id` names another model than the profile's own; `jobs` processes.
@@ -102,6 +103,7 @@ class EncoderOptions:
     visibility: bool = True
     cover: bool = True
     balance: bool = True
+    steady: bool = False
     exact: bool = True
     intra_zero_bin: float = 0.6
     jobs: int = 1
@@ -135,6 +137,8 @@ class EncoderOptions:
                     and self.exact
                 )
             ),
+            "--steady is part of --balance auto: it needs --profile main, --steps visibility, --intra coded "
+            "and no --keep-axes": not self.steady or self._can_be_balanced,
             "--latent-step and --refinement belong to --profile paper": (
                 self.profile == Profile.PAPER
                 or (self.latent_step, self.refinement) == (1.0, RefinementMode.AUTO)
@@ -149,6 +153,11 @@ class EncoderOptions:
         for message, fine in checks.items():
             if not fine or math.isnan(self.qp):
                 raise InputError(message)
+
+    @property
+    def _can_be_balanced(self) -> bool:
+        coded = self.profile == Profile.MAIN and self.intra == IntraKind.CODED
+        return coded and self.balance and self.visibility and not self.keep_axes
 
     @property
     def latent_step_log2(self) -> int:
@@ -180,7 +189,7 @@ class EncoderOptions:
     def _steps(self) -> str:
         if not self.visibility:
             return "uniform"
-        parts = {"/nocover": not self.cover, "/nobalance": not self.balance}
+        parts = {"/nocover": not self.cover, "/nobalance": not self.balance, "/steady": self.steady}
         return "visibility" + "".join(name for name, is_so in parts.items() if is_so)
 
     def _describe_paper(self) -> str:

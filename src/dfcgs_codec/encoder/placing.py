@@ -36,6 +36,8 @@ _INTER_POSITION = 0.25
 #: errors of P-frames, if everything changed by more than its step, to those of I-frames, at most: 4.5 dB.
 #: Where everything trembles, P-frames are then 1.9 to 2.2 dB below I-frames in the mean
 _INTER_ERROR = 2.8
+#: the same with `--steady`: what P-frames never mend (zero bins, errors of the I-frame) adds to it
+_STEADY_ERROR = 0.7
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,8 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
     graded = balanced_octaves(errors, intra, bounded)
     octaves: dict[Attribute, float] = {}
     if inter is not None:
-        limit = _INTER_ERROR * total_error(errors, {})
+        most = _STEADY_ERROR if plan.options.steady else _INTER_ERROR
+        limit = most * total_error(errors, {})
         errors = looked_inter.result()
         shares = {Attribute.POSITION: _INTER_POSITION}
         counted = {a: error.scaled(shares.get(a, 1.0)) for a, error in errors.items()}

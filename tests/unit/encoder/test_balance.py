@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
-from dfcgs_codec import EncoderOptions, encode_sequence, probe
+from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, bits_per_octave, no_worse, total_error
 from dfcgs_codec.encoder.encoder import plan_sequence
@@ -233,3 +234,34 @@ def test_an_opaque_scene_gets_smaller(tmp_path: Path) -> None:
         sizes[balance] = path.stat().st_size
         assert ("/nobalance" in probe(path).encoder_info) is not balance
     assert sizes[True] < sizes[False]
+
+
+def trembling(num_frames: int) -> list[GaussianCloud]:
+    """The ball with every position new in every frame."""
+    cloud, rng = ball(), np.random.default_rng(5)
+    noise = [rng.normal(0, 0.003, cloud.positions.shape).astype(np.float32) for _ in range(num_frames)]
+    return [replace(cloud, positions=cloud.positions + by) for by in noise]
+
+
+def test_steady_p_frames_are_nearer_to_i_frames(tmp_path: Path) -> None:
+    frames = trembling(5)
+    plain, steady = plan_of(frames), plan_of(frames, steady=True)
+    assert steady.quantisation.graded_steps == plain.quantisation.graded_steps, "I-frames are the same"
+    assert all(
+        steady.steps[a] < plain.steps[a] for a in (Attribute.POSITION, Attribute.SCALE, Attribute.SH_DC)
+    )
+    behind, sizes = {}, {}
+    for name in (False, True):
+        path = tmp_path / f"{name}.dgs"
+        encode_sequence(frames, path, EncoderOptions(steady=name))
+        decoded = [frame.cloud() for frame in decode_sequence(path)]
+        # canonical order: each decoded position belongs to the nearest of the input
+        errors = [
+            np.sqrt(np.mean(cKDTree(frame.positions).query(cloud.positions)[0] ** 2))
+            for frame, cloud in zip(frames, decoded, strict=True)
+        ]
+        behind[name] = np.mean(errors[1:]) / errors[0]
+        sizes[name] = path.stat().st_size
+        assert ("/steady" in probe(path).encoder_info) is name
+    assert behind[True] < 0.8 * behind[False], behind
+    assert sizes[True] > sizes[False]

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from dfcgs_codec import Bound, EncoderOptions
-from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
+from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder, Profile
 from dfcgs_codec.errors import InputError
 
 
@@ -46,3 +46,19 @@ def test_describe_is_one_line_with_all_that_matters() -> None:
     for part in ("qp=20.5", "gof_size=7", "intra=ply", "order=free", "bound alpha=0.01"):
         assert part in line
     assert "\n" not in line
+
+
+@pytest.mark.parametrize(
+    "others",
+    [
+        {"balance": False},
+        {"visibility": False},
+        {"keep_axes": True},
+        {"intra": IntraKind.PLY},
+        {"profile": Profile.PAPER},
+    ],
+)
+def test_what_is_not_balanced_cannot_be_steady(others: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="--steady is part of --balance auto"):
+        EncoderOptions(steady=True, **others)
+    EncoderOptions(**others)
