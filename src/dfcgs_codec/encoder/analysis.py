@@ -25,6 +25,8 @@ Planes = dict[Attribute, Int64]
 
 #: errors that a coarser step of an I-frame left, in such steps, are not worth mending
 SLACK = 0.6
+#: the same with `--steady`: where every attribute drifts, what is left as it is adds up over the attributes
+STEADY_SLACK = 0.3
 #: a unit quaternion times these is its inverse
 _CONJUGATE = np.array([1, -1, -1, -1])
 
@@ -117,7 +119,7 @@ class ResidualQuantiser:
     """How a P-frame's residuals become symbols.
 
     `multipliers`: by what 256ths the step of each Gaussian is coarser, (N, 1), where they are not one;
-    `slack`: steps (N, 1), or (N, columns), of which errors of up to SLACK are left as they are.
+    `slack`: steps (N, 1), or (N, columns), of which errors of up to `slack_share` are left as they are.
     """
 
     quantisation: Quantisation
@@ -125,6 +127,7 @@ class ResidualQuantiser:
     block_log2: int
     multipliers: Mapping[Attribute, Int64] = field(default_factory=dict)
     slack: Mapping[Attribute, Int64] = field(default_factory=dict)
+    slack_share: float = SLACK
 
     def symbols(self, attribute: Attribute, rows: Int64, target: Int64, reference: Int64) -> Int64:
         """Symbols (N, C) of the Gaussians `rows`, ascending, 0 for the rest."""
@@ -154,7 +157,7 @@ class ResidualQuantiser:
             real = slack[rows] / step
             if multipliers is not None:
                 real *= 256.0 / multipliers[rows]
-            found[np.abs(residual) < SLACK * real] = 0
+            found[np.abs(residual) < self.slack_share * real] = 0
         return found
 
 

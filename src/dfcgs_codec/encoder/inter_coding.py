@@ -13,6 +13,8 @@ from dfcgs_codec.codec.activity import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.visibility import Visibility
 from dfcgs_codec.encoder.analysis import (
+    SLACK,
+    STEADY_SLACK,
     Planes,
     ResidualQuantiser,
     ZeroBin,
@@ -152,8 +154,9 @@ class InterCoder:
         reference = task.state.frame
         levels = self._levels(task.state.visibility)
         multipliers = task.state.visibility.all_multipliers(levels)
+        slack, share = self._slack(task.state), STEADY_SLACK if options.steady else SLACK
         quantiser = ResidualQuantiser(
-            quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2, multipliers, self._slack(task.state)
+            quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2, multipliers, slack, share
         )
         states = (reference, reference if trial is None else trial.carried.state)
         symbols = InterSymbols()

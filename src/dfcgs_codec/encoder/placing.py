@@ -36,8 +36,8 @@ _INTER_POSITION = 0.25
 #: errors of P-frames, if everything changed by more than its step, to those of I-frames, at most: 4.5 dB.
 #: Where everything trembles, P-frames are then 1.9 to 2.2 dB below I-frames in the mean
 _INTER_ERROR = 2.8
-#: the same with `--steady`: what P-frames never mend (zero bins, errors of the I-frame) adds to it
-_STEADY_ERROR = 0.7
+#: the same with `--steady`: zero bins and errors of the I-frame that are never mended add to it
+_STEADY_ERROR = 1.1
 
 
 @dataclass(frozen=True)
