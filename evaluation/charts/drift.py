@@ -34,14 +34,21 @@ def chart(scenes: dict[str, Any]) -> None:
             difference = np.array(scene[key]["psnr"]) - intra
             smooth = np.convolve(difference, np.full(_WINDOW, 1 / _WINDOW), "valid")
             share = scene[key]["bytes"] / scene["intra"]["bytes"]
-            size = key.removeprefix("gof").replace("steady", "--steady, ")
-            label = f"GoF {size}: {100 * share:.0f} % of the bytes"
+            size = key.removeprefix("gof").replace("steady", "--steady ")
+            label = f"{size}: {100 * share:.0f} %"
             axes.plot(difference, color=colour, lw=0.4, alpha=0.5)
             axes.plot(np.arange(len(smooth)) + _WINDOW // 2, smooth, color=colour, lw=1.4, label=label)
             data.setdefault(name, {})[key] = np.round(difference, 4).tolist()
         axes.axhline(0, color="#555555", lw=0.8)
         axes.set_title(name)
         axes.set_xlabel("frame")
-        axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)
+        axes.legend(
+            title="GoF: share of all-intra's bytes",
+            title_fontsize=7,
+            fontsize=7,
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.16),
+            ncols=3,
+        )
     panels[0].set_ylabel("PSNR minus all-intra, dB")
     write_chart("drift", figure, data)
