@@ -1,4 +1,6 @@
-"""What the frozen prior is worth: `python -m evaluation.prior [--scenes NAME ...] [--models FOLDER]`.
+"""What the frozen prior is worth.
+
+    python -m evaluation.prior [--scenes NAME ...] [--streams] [--seconds] [--models FOLDER]
 
 Every stream of a P-frame that may take the prior is coded in both ways, the same symbols, and bytes are
 compared: motion (control points) and residual. Whole P-frames, coded with the prior and without, are rendered
@@ -29,7 +31,7 @@ from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTrial
 from dfcgs_codec.encoder.prior_choice import PriorChoice, PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.model.context_model import ContextModel
-from dfcgs_codec.model.registry import load_model, register
+from dfcgs_codec.model.registry import DEFAULT_PRIOR, load_model, register
 from evaluation.assets import find_asset, has_asset
 from evaluation.bd import bd_delta
 from evaluation.bench import known_results
@@ -138,8 +140,18 @@ def _scene(name: str, known: Figures | None) -> Figures:
         return {"streams": streams} | _whole(frames, images, views, Path(folder))
 
 
-def _models(folder: Path, results: Figures) -> None:
-    """Bytes at QP 28 with each model of a folder."""
+def _registered(folder: Path) -> list[Path]:
+    """The models of a folder, each known by its file's name."""
+    paths = sorted(folder.glob("*.npz"))
+    for path in paths:
+        model = load_model(path)
+        assert isinstance(model, ContextModel)
+        register(replace(model, model_id=path.stem))
+    return paths
+
+
+def _models(paths: list[Path], results: Figures) -> None:
+    """Bytes at QP 28 with each of some models."""
     for name in ABLATED:
         scene = named_scene(name)
         if not has_asset(scene.asset):
@@ -147,27 +159,20 @@ def _models(folder: Path, results: Figures) -> None:
         frames = list(islice(scene.frames(find_asset(scene.asset)), NUM_FRAMES))
         known = results.setdefault("models", {}).setdefault(name, {})
         with tempfile.TemporaryDirectory() as target:
-            for path in sorted(folder.glob("*.npz")):
-                model = load_model(path)
-                assert isinstance(model, ContextModel)
-                register(replace(model, model_id=path.stem))
+            for path in paths:
                 known[path.stem] = stream_bytes(frames, MEDIUM, path.stem, Path(target))
                 print(name, path.stem, known[path.stem], flush=True)
 
 
-def _seconds(folder: Path, results: Figures) -> None:
-    """Median seconds to decode a P-frame of 200 000 Gaussians, without the prior and with each width."""
+def _seconds(models: list[Path]) -> dict[str, float]:
+    """Median seconds to decode P-frames of 200 000 Gaussians: plain, with the own prior or `models`."""
     frames = character(5)
     with tempfile.TemporaryDirectory() as target:
         files = {}
-        for path in [None, *(path for path in sorted(folder.glob("*.npz")) if path.stem in _TIMED)]:
-            mode, name = PriorMode.PLAIN, "plain"
-            if path is not None:
-                mode, name = PriorMode.NETWORK, path.stem
-                model = load_model(path)
-                assert isinstance(model, ContextModel)
-                register(replace(model, model_id=name))
-            options = EncoderOptions(gof_size=len(frames), prior=mode, model_id=name if path else None)
+        for name in ["plain", *([path.stem for path in models] or [DEFAULT_PRIOR])]:
+            mode = PriorMode.PLAIN if name == "plain" else PriorMode.NETWORK
+            model_id = name if models and mode == PriorMode.NETWORK else None
+            options = EncoderOptions(gof_size=len(frames), prior=mode, model_id=model_id)
             files[name] = Path(target) / f"{name}.dgs"
             encode_sequence(frames, files[name], options)
         # in turn, so that all of them meet the same machine
@@ -175,8 +180,9 @@ def _seconds(folder: Path, results: Figures) -> None:
         for _ in range(5):
             for name, file in files.items():
                 times[name] += decode_times(file)[2:]
-    results["decode_p_s"] = {name: round(statistics.median(found), 4) for name, found in times.items()}
-    print(results["decode_p_s"], flush=True)
+    medians = {name: round(statistics.median(found), 4) for name, found in times.items()}
+    print(medians, flush=True)
+    return medians
 
 
 def main(arguments: Arguments[str] | None = None) -> None:
@@ -184,7 +190,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scenes", nargs="*", default=None, help="only these")
     parser.add_argument("--streams", action="store_true", help="streams only; the rest stays as it was")
-    parser.add_argument("--seconds", action="store_true", help="of the models, seconds only")
+    parser.add_argument("--seconds", action="store_true", help="seconds to decode only")
     parser.add_argument("--models", type=Path, help="folder of further models")
     args = parser.parse_args(arguments)
     results = known_results("prior")
@@ -192,7 +198,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
     for scene in group("evaluation"):
         if scene.name in _LEFT_OUT or not has_asset(scene.asset):
             continue
-        if args.scenes is not None and scene.name not in args.scenes:
+        if args.seconds or (args.scenes is not None and scene.name not in args.scenes):
             continue
         scenes = results.setdefault("scenes", {})
         known = scenes.get(scene.name) if args.streams else None
@@ -200,9 +206,12 @@ def main(arguments: Arguments[str] | None = None) -> None:
         print(scene.name, found["streams"][str(MEDIUM)], found["bd_rate_bytes_p"], flush=True)
         write_result("prior", conditions, results)
     if args.models is not None:
+        paths = _registered(args.models)
         if not args.seconds:
-            _models(args.models, results)
-        _seconds(args.models, results)
+            _models(paths, results)
+        results["decode_p_s_by_width"] = _seconds([path for path in paths if path.stem in _TIMED])
+    elif args.seconds or not args.streams:
+        results["decode_p_s"] = _seconds([])
     print(write_result("prior", conditions, results))
 
 
