@@ -1,4 +1,4 @@
-"""The best steps, on curves whose best steps are known; drift's slope."""
+"""The best steps, on curves whose best steps are known."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ import pytest
 pytest.importorskip("numba")
 
 from evaluation.allocation import _GRID, OCTAVES, codec_steps, compare
-from evaluation.drift import VARIANTS, _slope
-from evaluation.drift import compare as compare_drift
 
 
 def curves(sensitivity: dict[str, float], values: dict[str, int]) -> tuple[dict, dict]:
@@ -38,26 +36,3 @@ def test_steps_in_the_best_proportion_have_no_excess() -> None:
 def test_fine_positions_follow_the_codec() -> None:
     steps = codec_steps(["POSITION", "SCALE"], -2.0)
     assert [_GRID[steps[a]] for a in ("POSITION", "SCALE")] == pytest.approx([-3.0, -2.0])
-
-
-def test_the_slope_is_per_hundred_frames() -> None:
-    assert _slope(-0.01 * np.arange(300)) == pytest.approx(-1.0)
-
-
-def test_drift_is_the_difference_from_all_intra() -> None:
-    def figures(*psnr: float) -> dict[str, object]:
-        return {"bytes": 1, "psnr": list(psnr)}
-
-    found = compare_drift({"steady60": figures(40, 41), "gof60": figures(39, 38), "intra": figures(40, 40)})
-    assert list(found) == ["intra", "gof60", "steady60"]
-    assert found["gof60"]["mean_difference"] == pytest.approx(-1.5)
-    assert found["gof60"]["worst_difference"] == pytest.approx(-2.0)
-    assert found["steady60"]["slope_per_100_frames"] == pytest.approx(100.0)
-    assert "mean_difference" not in found["intra"]
-    assert compare_drift(found) == found
-
-
-def test_steady_variants_are_those_of_every_gof_size() -> None:
-    for name, options in VARIANTS.items():
-        if name.startswith("gof"):
-            assert VARIANTS[name.replace("gof", "steady")] == [*options, "--steady"]

@@ -233,7 +233,7 @@ def _summary(report: EncodeReport, target: Path) -> str:
 @click.option(
     "--steady",
     is_flag=True,
-    help="Keep P-frames within about 1 dB of I-frames, where everything changes at more bytes.",
+    help="Keep P-frames within about 1 dB of I-frames even where everything changes, at more bytes.",
 )
 @click.option(
     "--exact",
