@@ -1,4 +1,4 @@
-"""What the tables of situations share: small frames as numpy columns, and a command line run in this process."""
+"""What the tables of situations share: small frames as numpy columns, and a command line in this process."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def write(
     tail: bytes = b"",
     newline: bytes = b"\n",
 ) -> Path:
-    """A binary little-endian PLY, types as the columns have them; `before`, `after`: other elements' headers."""
+    """A binary little-endian PLY with the columns' types; `before`, `after`: headers of other elements."""
     path.parent.mkdir(parents=True, exist_ok=True)
     count = len(next(iter(columns.values())))
     kinds = {name: f"{values.dtype.kind}{values.dtype.itemsize}" for name, values in columns.items()}
