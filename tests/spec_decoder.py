@@ -24,7 +24,7 @@ from typing import NamedTuple, TypeVar
 STATE_LIMIT = 2**29 - 1
 GAUSSIAN, LAPLACE, HEAVY = 0, 1, 2
 POSITION, SCALE, ROTATION, OPACITY, SH_DC = 0, 1, 2, 3, 4
-MOTION, TOPOLOGY, VISIBILITY, LATENT, REFINEMENT = 1, 2, 4, 8, 16
+MOTION, TOPOLOGY, VISIBILITY, LATENT, REFINEMENT, ESCAPE = 1, 2, 4, 8, 16, 32
 MAIN, PAPER = 0, 1
 COLUMNS = (3, 3, 4, 1, 3, 9, 15, 21)
 Row = list[int]
@@ -602,6 +602,7 @@ class State:
     planes: dict[int, Matrix]
     order: Row | None = None
     verbatim: dict[int, Matrix] | None = None
+    escapes: bytes = b""
 
     @property
     def positions(self) -> Matrix:
@@ -614,7 +615,7 @@ class State:
             data += digest([[place] for place in self.order])
         for patterns in (self.verbatim or {}).values():
             data += b"".join(struct.pack(f"<{len(row)}I", *row) for row in patterns)
-        return blake(data)
+        return blake(data + self.escapes)
 
 
 def digest(plane: Matrix) -> bytes:
@@ -1284,9 +1285,13 @@ def float_of(pattern: int) -> float:
     return value
 
 
-def to_grid(value: float, exponent: int) -> int:
+def to_grid(value: float, exponent: int, origin: int = 0) -> int:
+    if math.isnan(value):
+        return 0
+    if math.isinf(value):
+        return STATE_LIMIT if value > 0 else -STATE_LIMIT
     # Python's round goes to even; scaling by a power of two is exact in binary64
-    return clip(round(math.ldexp(value, -exponent)), -STATE_LIMIT, STATE_LIMIT)
+    return clip(round(math.ldexp(value, -exponent)) - origin, -STATE_LIMIT, STATE_LIMIT)
 
 
 KNOTS = (28, 42, 54, 66, 77, 88, 99)
@@ -1333,17 +1338,23 @@ def thin_axis(row: Row, octaves: int, e: int) -> Row:
 
 
 def float_quaternion(row: list[float]) -> Row:
+    if not all(map(math.isfinite, row)) or not any(row):
+        return [1 << 24, 0, 0, 0]
     exponent = math.frexp(max(abs(c) for c in row))[1]
     return normalise([round(math.ldexp(c, 24 - exponent)) for c in row])
 
 
-def verbatim_state(patterns: dict[int, Matrix], exponents: dict[int, int]) -> dict[int, Matrix]:
+def verbatim_state(patterns: dict[int, Matrix], exponents: dict[int, int], origin: Row) -> dict[int, Matrix]:
     planes = {}
     for attribute, rows in patterns.items():
         values = [[float_of(p) for p in row] for row in rows]
         e = exponents[min(attribute, SH_DC)]
         if attribute == ROTATION:
             planes[attribute] = [float_quaternion(row) for row in values]
+        elif attribute == POSITION:
+            planes[attribute] = [
+                [to_grid(v, e, o) for v, o in zip(row, origin, strict=True)] for row in values
+            ]
         elif attribute == OPACITY:
             planes[attribute] = [[compress(to_grid(row[0], e), e)] for row in values]
         else:
@@ -1352,9 +1363,9 @@ def verbatim_state(patterns: dict[int, Matrix], exponents: dict[int, int]) -> di
 
 
 def verbatim_intra(
-    streams: Iterator[RangeDecoder], n: int, attributes: Row, coding: tuple[dict[int, int], bool]
+    streams: Iterator[RangeDecoder], n: int, sequence: Sequence, has_permutation: bool
 ) -> State:
-    exponents, has_permutation = coding
+    attributes = sequence.attributes
     patterns: dict[int, Matrix] = {}
     order = None
     for attribute in attributes:
@@ -1362,7 +1373,7 @@ def verbatim_intra(
         patterns[attribute] = transposed([float_column(stream, n) for _ in range(COLUMNS[attribute])])
         if attribute == POSITION and has_permutation:
             order = permutation(next(streams), Lods(n))
-    return State(verbatim_state(patterns, exponents), order, patterns)
+    return State(verbatim_state(patterns, sequence.exponents, sequence.origin), order, patterns)
 
 
 # --- 14 motion --------------------------------------------------------------------------------------------
@@ -2348,6 +2359,8 @@ class Sequence:
     profile: int = MAIN
     model_id: str = ""
     model_hash: bytes = b""
+    origin: Row = field(default_factory=lambda: [0, 0, 0])
+    is_double: bool = False
 
     @property
     def attributes(self) -> Row:
@@ -2369,7 +2382,7 @@ class Frame:
 def sequence_header(fields: Fields) -> Sequence:
     version, profile, level, sh_degree, order = (fields.u8() for _ in range(5))
     require(
-        version == 10 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
+        version == 11 and profile in (MAIN, PAPER) and level in (1, 2, 3) and sh_degree <= 3 and order <= 2
     )
     num_frames = fields.uvarint()
     fields.uvarint()
@@ -2382,12 +2395,16 @@ def sequence_header(fields: Fields) -> Sequence:
         numbers += range(first, end)
     require(len(numbers) == num_frames)
     position, scale, opacity, color = (fields.svarint() for _ in range(4))
+    origin = [fields.svarint() for _ in range(3)]
+    precision = fields.u8()
+    require(all(abs(o) <= 1 << 52 for o in origin) and precision <= 1)
     model_id = fields.raw(fields.uvarint())
     require(len(model_id) <= 64 and model_id.isascii())
     hashed = fields.raw(8) if model_id else b""
     require(fields.place == len(fields.data))
     exponents = {POSITION: position, SCALE: scale, ROTATION: -24, OPACITY: opacity, SH_DC: color}
-    return Sequence(sh_degree, num_frames, numbers, exponents, profile, model_id.decode("ascii"), hashed)
+    found = Sequence(sh_degree, num_frames, numbers, exponents, profile, model_id.decode("ascii"), hashed)
+    return replace(found, origin=origin, is_double=precision == 1)
 
 
 def chunks(data: bytes) -> Iterator[tuple[int, int, Fields]]:
@@ -2402,7 +2419,7 @@ def chunks(data: bytes) -> Iterator[tuple[int, int, Fields]]:
         payload = fields.raw(length)
         crc = zlib.crc32(data[start : fields.place])
         require(fields.raw(4) == struct.pack("<I", crc))
-        if kind in (0x01, 0x10, 0x20, 0x21, 0x22, 0x23, 0x24, 0x7E, 0x7F):
+        if kind in (0x01, 0x10, 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x7E, 0x7F):
             yield kind, frame_index, Fields(payload)
         else:
             require(kind & 0x80 != 0)
@@ -2443,10 +2460,15 @@ def intra_header(fields: Fields, sequence: Sequence) -> IntraHeader:
     return IntraHeader(grid, steps, Grading(coarse_log2, levels, thin_octaves, alternating))
 
 
-def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof]:
-    """Hash, and the GoF that begins."""
+def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof | None, bool]:
+    """Hash, the GoF that begins, and whether escapes follow; None for a frame without Gaussians."""
     frame_hash, kind = fields.raw(16), fields.u8()
-    n, has_permutation = fields.uvarint(), bool(fields.u8())
+    n = fields.uvarint()
+    if n == 0:
+        require(kind == 1 and fields.place == len(fields.data))
+        return frame_hash, None, False
+    has_permutation, has_escapes = bool(fields.u8()), fields.u8()
+    require(has_escapes <= (1 if kind == 1 else 0))
     control = ControlHeader(fields.u8(), fields.uvarint(), fields.u8())
     require(control.rule in (0, 1) and control.spacing >= 1 and control.shift <= 31)
     coding = (sequence.exponents, has_permutation)
@@ -2457,10 +2479,33 @@ def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof]:
     else:
         require(kind == 0)
         streams = open_streams(fields, len(sequence.attributes) + has_permutation)
-        state = verbatim_intra(streams, n, sequence.attributes, coding)
+        state = verbatim_intra(streams, n, sequence, has_permutation)
         gof = Gof(state, state.positions, [0] * n, 1, control)
     require(next(streams, None) is None)
-    return frame_hash, gof
+    return frame_hash, gof, bool(has_escapes)
+
+
+def check_escapes(fields: Fields, sequence: Sequence, n: int) -> bytes:
+    """6.6: the payload, where it is as it should be and not without escapes."""
+    escapes = list(read_escapes(Fields(fields.data), sequence))
+    places = [(row, column) for row, column, _ in escapes]
+    require(places == sorted(set(places)) and all(row < n for row, _ in places))
+    require(all(column < sum(COLUMNS[a] for a in sequence.attributes) for _, column in places))
+    return fields.data if escapes else b""
+
+
+def read_escapes(fields: Fields, sequence: Sequence) -> Iterator[tuple[int, int, float]]:
+    count = fields.uvarint()
+    require(6 * count <= len(fields.data))
+    rows: Row = []
+    for _ in range(count):
+        rows.append((rows[-1] if rows else 0) + fields.uvarint())
+    columns = [fields.u8() for _ in range(count)]
+    for row, column in zip(rows, columns, strict=True):
+        is_double = column < 3 and sequence.is_double
+        value: float = struct.unpack("<d" if is_double else "<f", fields.raw(8 if is_double else 4))[0]
+        yield row, column, value
+    require(fields.place == len(fields.data))
 
 
 def topology_chunk(fields: Fields, sequence: Sequence, n: int) -> Topology:
@@ -2503,22 +2548,27 @@ class Decoder:
     def frames(self) -> Iterator[Frame]:
         expected = 0
         gof: Gof | None = None
+        empty = State({a: [] for a in self.sequence.attributes})
         for kind, frame_index, fields in self._chunks:
             if kind in (0x7E, 0x7F):
                 continue
             require(frame_index == expected)
             if kind == 0x10:
-                frame_hash, gof = intra_frame(fields, self.sequence)
-                gof.prior = self._prior
+                frame_hash, gof, has_escapes = intra_frame(fields, self.sequence)
+                if gof is not None:
+                    gof.prior = self._prior
+                if gof is not None and has_escapes:
+                    self._escape(frame_index, gof)
             else:
-                require(kind == 0x20)
+                require(kind == 0x20 and expected > 0)
                 if gof is None:
-                    raise Refused
-                if self._model is None:
+                    frame_hash = fields.raw(16)
+                    require(fields.raw(2) == bytes(2) and fields.place == len(fields.data))
+                elif self._model is None:
                     frame_hash = self._inter_frame(fields, frame_index, gof)
                 else:
                     frame_hash = self._paper_frame(fields, frame_index, gof, self._model)
-            yield Frame(frame_index, frame_hash, gof.state, self.sequence)
+            yield Frame(frame_index, frame_hash, empty if gof is None else gof.state, self.sequence)
             expected += 1
         require(expected == self.sequence.num_frames)
 
@@ -2528,18 +2578,27 @@ class Decoder:
         require(found == kind and index == frame_index)
         return fields
 
+    def _escape(self, frame_index: int, gof: Gof) -> None:
+        """6.6."""
+        fields = self._following(0x25, frame_index)
+        escapes = check_escapes(fields, self.sequence, len(gof.state.positions))
+        gof.state = State(gof.state.planes, gof.state.order, None, escapes)
+
     def _inter_frame(self, fields: Fields, frame_index: int, gof: Gof) -> bytes:
         frame_hash, tools, mask = fields.raw(16), fields.u8(), fields.u8()
         attributes = [a for a in self.sequence.attributes if mask >> a & 1]
-        require(tools < LATENT and mask < 1 << len(self.sequence.attributes))
+        require(
+            tools & ~(MOTION | TOPOLOGY | VISIBILITY | ESCAPE) == 0
+            and mask < 1 << len(self.sequence.attributes)
+        )
         require(mask > 0 or not tools & VISIBILITY)
         block_log2 = fields.u8() if tools or mask else 3
         steps = {attribute: fields.uvarint() for attribute in attributes}
         levels = {attribute: fields.svarint() for attribute in attributes if tools & VISIBILITY}
         require(all(abs(level) <= STATE_LIMIT for level in levels.values()))
         require(fields.place == len(fields.data))
-        if tools:
-            # 9.3: no float32 values with any tool, VISIBILITY alone included
+        if tools or mask:
+            # 9.3: no float32 values with any tool, VISIBILITY alone included, and no escapes but its own
             gof.state = State(gof.state.planes, gof.state.order)
         topology, motion = None, None
         if tools & TOPOLOGY:
@@ -2561,12 +2620,16 @@ class Decoder:
             gof.motion.learn(reference, gof.state.positions)
         if topology:
             gof.settle(topology, block_log2)
+        if tools & ESCAPE:
+            self._escape(frame_index, gof)
         return frame_hash
 
     def _paper_frame(self, fields: Fields, frame_index: int, gof: Gof, model: FrozenModel) -> bytes:
         """16."""
         frame_hash, tools, mask = fields.raw(16), fields.u8(), fields.u8()
-        require(tools & ~(LATENT | REFINEMENT) == 0 and mask == 0 and fields.place == len(fields.data))
+        require(
+            tools & ~(LATENT | REFINEMENT | ESCAPE) == 0 and mask == 0 and fields.place == len(fields.data)
+        )
         require("refinement" in model.networks or not tools & REFINEMENT)
         if not tools:
             return frame_hash
@@ -2585,6 +2648,8 @@ class Decoder:
         if tools & REFINEMENT:
             changes = [model.network("refinement", prior.of(i)) for i in range(len(reference.positions))]
             gof.state = State(refined(gof.state.planes, changes, self.sequence), gof.state.order)
+        if tools & ESCAPE:
+            self._escape(frame_index, gof)
         return frame_hash
 
 
@@ -2634,12 +2699,30 @@ def float_planes(state: State, sequence: Sequence) -> dict[int, list[list[float]
         e = sequence.exponents[min(attribute, SH_DC)]
         if attribute == OPACITY:
             rows = [[expand(row[0], e)] for row in rows]
+        if attribute == POSITION:
+            places = [[value + o for value, o in zip(row, sequence.origin, strict=True)] for row in rows]
+            convert = math.ldexp if sequence.is_double else to_float32
+            planes[attribute] = [[convert(value, e) for value in row] for row in places]
+            continue
         planes[attribute] = [[to_float32(value, e) for value in row] for row in rows]
     return planes
 
 
-def output(state: State, sequence: Sequence) -> dict[str, list[float]]:
+def escaped(state: State, sequence: Sequence) -> dict[int, list[list[float]]]:
+    """With the exact values of escapes in their places."""
     planes = float_planes(state, sequence)
+    if state.escapes:
+        for row, column, value in read_escapes(Fields(state.escapes), sequence):
+            for attribute in sorted(planes):
+                if column < COLUMNS[attribute]:
+                    planes[attribute][row][column] = value
+                    break
+                column -= COLUMNS[attribute]
+    return planes
+
+
+def output(state: State, sequence: Sequence) -> dict[str, list[float]]:
+    planes = escaped(state, sequence)
     names = {
         POSITION: ["x", "y", "z"],
         SCALE: ["scale_0", "scale_1", "scale_2"],

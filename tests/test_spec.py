@@ -42,6 +42,7 @@ from dfcgs_codec.bitstream.constants import (
     ControlRule,
     IntraKind,
     OutputOrder,
+    Precision,
     Profile,
     Tool,
 )
@@ -133,6 +134,7 @@ _ENUMS = {
         ChunkType,
         Profile,
         OutputOrder,
+        Precision,
         IntraKind,
         ControlRule,
         Compensation,
@@ -484,6 +486,10 @@ def _sequence(rng: np.random.Generator, count: int, sh_degree: int) -> list[Gaus
     return frames
 
 
+def _flat(sh_rest: np.ndarray) -> np.ndarray:
+    return sh_rest.reshape(len(sh_rest), 3 * sh_rest.shape[2])
+
+
 def _check_output(frame: Any, cloud: GaussianCloud) -> None:
     found = frame.output()
     expected = {
@@ -492,11 +498,11 @@ def _check_output(frame: Any, cloud: GaussianCloud) -> None:
         **{f"rot_{i}": cloud.rotations[:, i] for i in range(4)},
         "opacity": cloud.opacities,
         **{f"f_dc_{i}": cloud.sh_dc[:, i] for i in range(3)},
-        **{f"f_rest_{i}": v for i, v in enumerate(cloud.sh_rest.reshape(cloud.num_gaussians, -1).T)},
+        **{f"f_rest_{i}": v for i, v in enumerate(_flat(cloud.sh_rest).T)},
     }
     assert found.keys() == expected.keys()
     for name, values in expected.items():
-        assert np.array_equal(np.array(found[name], np.float32), values), name
+        assert np.array_equal(np.array(found[name], values.dtype), values, equal_nan=True), name
 
 
 def _check_file(data: bytes, models: Any = None) -> list[bytes]:

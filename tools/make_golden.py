@@ -24,6 +24,7 @@ from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     LEVELS,
     MAX_COARSE_LOG2,
+    MAX_ORIGIN,
     MAX_THIN_OCTAVES,
     STATE_LIMIT,
     Attribute,
@@ -73,6 +74,30 @@ def _waving(count: int, num_frames: int) -> list[GaussianCloud]:
     """One half turns about the vertical axis, farther with every frame; the other stands still."""
     cloud = _minute(count)
     return [helpers.waving(cloud, 0.1 * index) for index in range(num_frames)]
+
+
+def _with_far_ones(frames: list[GaussianCloud], where: dict[int, float]) -> list[GaussianCloud]:
+    """Gaussian 5 as far away, and Gaussian 6 as coloured, as `where` says of some frames."""
+    result = list(frames)
+    for index, far in where.items():
+        positions, colours = frames[index].positions.copy(), frames[index].sh_dc.copy()
+        positions[5], colours[6, 1] = [far, -2 * far, 0], far
+        result[index] = replace(frames[index], positions=positions, sh_dc=colours)
+    return result
+
+
+def _on_a_map(cloud: GaussianCloud) -> GaussianCloud:
+    """In map coordinates, as doubles."""
+    return replace(cloud, positions=cloud.positions.astype(np.float64) + np.array([5e5, 4.6e6, -120.0]))
+
+
+def _not_finite(cloud: GaussianCloud) -> GaussianCloud:
+    """With values that are no numbers, and a quaternion that is none."""
+    arrays = {name: getattr(cloud, name).copy() for name in helpers.FIELDS}
+    arrays["positions"][1] = [np.nan, np.inf, 1]
+    arrays["scales"][2], arrays["opacities"][3], arrays["rotations"][4] = -np.inf, np.inf, 0
+    arrays["sh_rest"].view("u4")[5] = 0x7F800123
+    return GaussianCloud(**arrays)
 
 
 def valid_sequences() -> dict[str, Sequence]:
@@ -176,6 +201,31 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.succeeding(_minute(600), 5),
             replace(NETWORK, control_spacing=20),
         ),
+        "escapes": (
+            _with_far_ones(helpers.drifting(helpers.make_cloud(80), 6), {0: 1e12, 2: 1e9, 3: 1e9, 5: 1e30}),
+            EncoderOptions(gof_size=4),
+        ),
+        "escapes_of_still_ones": (
+            _with_far_ones(helpers.still(helpers.make_cloud(40), 4), {1: 1e12, 2: 1e12}),
+            EncoderOptions(),
+        ),
+        "escapes_and_topology": (
+            _with_far_ones(helpers.succeeding(_minute(200), 3, shuffle=True), {1: 1e10, 2: 1e10}),
+            EncoderOptions(order=OutputOrder.INPUT, control_spacing=20),
+        ),
+        "escapes_paper": (_with_far_ones(helpers.swaying(helpers.real_cloud(300), 3), {1: 1e12}), PAPER),
+        "float64_from_origin": (
+            _with_far_ones([_on_a_map(c) for c in helpers.drifting(helpers.make_cloud(90), 3)], {1: 1e15}),
+            EncoderOptions(qp=18),
+        ),
+        "empty_frames": (
+            [helpers.make_cloud(n, 1) for n in (0, 0, 30, 0, 20)],
+            EncoderOptions(order=OutputOrder.INPUT),
+        ),
+        "verbatim_not_finite": (
+            [_not_finite(cloud) for cloud in helpers.drifting(helpers.make_cloud(40, 1), 3)],
+            EncoderOptions(intra=IntraKind.PLY, order=OutputOrder.INPUT),
+        ),
         "odd_rate": (
             helpers.still(helpers.make_cloud(5), 2),
             EncoderOptions(frame_rate=Fraction(30000, 1001)),
@@ -236,11 +286,11 @@ def _changed_intra(data: bytes, change: Callable[[IntraHeader], IntraHeader], mo
     return _chunks_with(data, rewrite)
 
 
-def _with_opacity_unit(data: bytes, exponent: int) -> bytes:
+def _with_units(data: bytes, **changes: object) -> bytes:
     chunks = helpers.split_chunks(data)
     header = SequenceHeader.read(ByteReader(chunks[0].payload))
     writer = ByteWriter()
-    replace(header, unit_exponents=replace(header.unit_exponents, opacity=exponent)).write(writer)
+    replace(header, unit_exponents=replace(header.unit_exponents, **changes)).write(writer)
     return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
 
 
@@ -301,7 +351,9 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
         "alternating_positions": (_changed_intra(valid, _alternating_positions), "CorruptBitstream"),
         "spare_words": (_changed_intra(valid, _longer, bytes(8)), "CorruptBitstream"),
         "spare_bytes": (_changed_intra(valid, lambda h: h, bytes(4)), "CorruptBitstream"),
-        "coarse_opacity": (_with_opacity_unit(valid, -10), "LimitExceeded"),
+        "coarse_opacity": (_with_units(valid, opacity=-10), "LimitExceeded"),
+        "far_origin": (_with_units(valid, origin=(0, MAX_ORIGIN + 1, 0)), "LimitExceeded"),
+        "unknown_precision": (_with_units(valid, precision=2), "UnsupportedBitstream"),
         "missing_residual": (_without(moving, ChunkType.RESIDUAL), "CorruptBitstream"),
         "missing_frames": (_without(moving, ChunkType.INTER_FRAME), "CorruptBitstream"),
         "damaged_ancillary_chunk": (bytes(damaged), "CorruptBitstream"),
@@ -318,6 +370,28 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
             "CorruptBitstream",
         ),
     }
+
+
+def faulty_escapes(valid: bytes) -> dict[str, tuple[bytes, str]]:
+    """Escapes that cannot be; in `valid` one chunk of them has three."""
+    chunk = next(c for c in helpers.split_chunks(valid) if c.chunk_type == ChunkType.ESCAPES)
+    payload, corrupt = chunk.payload, "CorruptBitstream"
+    count = payload[0]
+    columns, patterns = payload[1 + count : 1 + 2 * count], payload[1 + 2 * count :]
+    changed = {
+        "escapes_out_of_order": payload[: 1 + count] + columns[::-1] + patterns,
+        "escape_of_no_gaussian": payload[:1] + b"\x7f" + payload[2:],
+        "escape_of_no_attribute": payload[: 2 * count] + b"\x0e" + patterns,
+        "escapes_and_more": payload + b"\0",
+        "too_many_escapes": b"\x7f" + payload[1:],
+    }
+
+    def rewritten(by: bytes) -> bytes:
+        return _chunks_with(valid, lambda c: replace(c, payload=by) if c.payload == payload else c)
+
+    errors = {"too_many_escapes": "LimitExceeded"}
+    streams = {name: (rewritten(by), errors.get(name, corrupt)) for name, by in changed.items()}
+    return streams | {"missing_escapes": (_without(valid, ChunkType.ESCAPES), corrupt)}
 
 
 def faulty_paper_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
@@ -394,6 +468,7 @@ def _derived() -> dict[str, bytes]:
     return {
         "ancillary_chunk": _with_chunk(_read("skipped_frames_sh0"), 0xB3),
         "numbers_with_gaps": _with_gaps(_read("skipped_frames_sh0")),
+        "ply_comments": _with_chunk(_read("skipped_frames_sh0"), ChunkType.PLY_COMMENTS),
     }
 
 
@@ -412,7 +487,18 @@ def _make_valid(expected: dict[str, object]) -> None:
 def _make_faulty(expected: dict[str, object]) -> None:
     plain, moving = _read("skipped_frames_sh0"), _read("prior_uniform_steps")
     streams = faulty_streams(plain) | more_faulty_streams(plain, moving)
-    streams |= faulty_paper_streams(_read("paper"))
+    streams |= faulty_paper_streams(_read("paper")) | faulty_escapes(_read("escapes_of_still_ones"))
+    verbatim, empty = _read("verbatim_sh1"), _read("empty_frames")
+    streams |= {
+        "escapes_in_verbatim": (
+            _changed_intra(verbatim, lambda h: replace(h, has_escapes=True)),
+            "CorruptBitstream",
+        ),
+        "change_of_an_empty_frame": (
+            _chunks_with(empty, _in_chunk(ChunkType.INTER_FRAME, 16, 0x20)),
+            "CorruptBitstream",
+        ),
+    }
     for name, (data, error) in streams.items():
         if name not in expected:
             (FOLDER / "faulty" / f"{name}.dgs").write_bytes(data)

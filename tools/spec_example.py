@@ -26,6 +26,7 @@ from dfcgs_codec.bitstream.constants import (
     ControlRule,
     IntraKind,
     OutputOrder,
+    Precision,
     Profile,
     Tool,
 )
@@ -229,6 +230,9 @@ def _sequence_header(trace: _Tracer) -> None:
         trace.number("uvarint", "run_length_minus_1")
     for name in ("position", "scale", "opacity", "color"):
         trace.number("svarint", f"{name}_exponent")
+    for axis in "xyz":
+        trace.number("svarint", f"position_origin {axis}")
+    trace.number("u8", "position_precision", lambda v: f"{v} {Precision(v).name}")
     trace.number("uvarint", "model_id_length")
 
 
@@ -244,6 +248,7 @@ def _intra_frame(trace: _Tracer) -> None:
     trace.number("u8", "intra_kind", lambda v: f"{v} {IntraKind(v).name}")
     trace.number("uvarint", "num_gaussians")
     permuted = trace.number("u8", "has_permutation")
+    trace.number("u8", "has_escapes")
     trace.number("u8", "control_rule", lambda v: f"{v} {ControlRule(v).name}")
     trace.number("uvarint", "control_spacing")
     trace.number("u8", "control_shift")

@@ -67,7 +67,7 @@ def identities(folder: Path, clouds: Sequence[GaussianCloud]) -> list[npt.NDArra
 
 def planned(qp: float, first: GaussianCloud) -> Quantisation:
     """The codec's own grids and steps at `qp` for a sequence that begins with `first`."""
-    return plan_quantisation(qp, (), first, float(np.abs(first.positions).max()))
+    return plan_quantisation(qp, (), first)
 
 
 def planned_version() -> str:

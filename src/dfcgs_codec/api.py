@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from dfcgs_codec.bitstream.constants import IntraKind
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.encoder.encoder import Progress, encode_frames
 from dfcgs_codec.encoder.options import EncoderOptions
@@ -16,11 +17,11 @@ from dfcgs_codec.sequence import FrameSource, MemorySource, open_folder
 Frames = Path | str | list[GaussianCloud] | tuple[GaussianCloud, ...] | FrameSource
 
 
-def _source(frames: Frames) -> FrameSource:
+def _source(frames: Frames, options: EncoderOptions) -> FrameSource:
     if isinstance(frames, (str, Path)):
         return open_folder(Path(frames))
     if isinstance(frames, (list, tuple)):
-        return MemorySource(list(frames))
+        return MemorySource(list(frames), keep_bits=options.intra == IntraKind.PLY)
     return frames
 
 
@@ -39,7 +40,8 @@ def encode_sequence(
     The file appears under its name only when it is whole; an existing one is kept unless `force`.
     Raises InputError for input that cannot be coded or a bound that cannot be kept.
     """
-    return encode_frames(_source(frames), Path(target), options, force=force, progress=progress)
+    options = options or EncoderOptions()
+    return encode_frames(_source(frames, options), Path(target), options, force=force, progress=progress)
 
 
 def decode_sequence(

@@ -2,13 +2,15 @@
 
 Shapes, dtypes and spaces are stated here and nowhere else:
 
-    positions  (N, 3)    float32  scene units
-    rotations  (N, 4)    float32  quaternion w, x, y, z; any length but zero
-    scales     (N, 3)    float32  natural logarithm of the standard deviation, scene units
-    opacities  (N,)      float32  logit of alpha
-    sh_dc      (N, 3)    float32  SH degree 0 coefficient of red, green, blue
-    sh_rest    (N, 3, K) float32  higher SH coefficients, channel first as in the PLY;
-                                  K = 0, 3, 8, 15 for SH degree 0, 1, 2, 3
+    positions  (N, 3)     scene units
+    rotations  (N, 4)     quaternion w, x, y, z; any length but zero
+    scales     (N, 3)     natural logarithm of the standard deviation, scene units
+    opacities  (N,)       logit of alpha
+    sh_dc      (N, 3)     SH degree 0 coefficient of red, green, blue
+    sh_rest    (N, 3, K)  higher SH coefficients, channel first as in the PLY;
+                          K = 0, 3, 8, 15 for SH degree 0, 1, 2, 3
+
+Each is float32, or float64 where its file has doubles; N may be 0.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import numpy.typing as npt
 from dfcgs_codec.errors import InputError
 
 Float32 = npt.NDArray[np.float32]
+Floats = npt.NDArray[np.floating]
 
 #: number of higher SH coefficients per colour channel, indexed by SH degree
 SH_REST_COEFFICIENTS = (0, 3, 8, 15)
@@ -30,12 +33,12 @@ SH_REST_COEFFICIENTS = (0, 3, 8, 15)
 class GaussianCloud:
     """One frame; the arrays are described at the top of this module."""
 
-    positions: Float32
-    rotations: Float32
-    scales: Float32
-    opacities: Float32
-    sh_dc: Float32
-    sh_rest: Float32
+    positions: Floats
+    rotations: Floats
+    scales: Floats
+    opacities: Floats
+    sh_dc: Floats
+    sh_rest: Floats
 
     def __post_init__(self) -> None:
         n = len(self.positions)
@@ -50,9 +53,10 @@ class GaussianCloud:
         }
         for name, shape in expected.items():
             array = getattr(self, name)
-            if array.shape != shape or array.dtype != np.float32:
+            if array.shape != shape or array.dtype not in (np.float32, np.float64):
                 raise InputError(
-                    f"GaussianCloud.{name}: found {array.dtype} {array.shape}, expected float32 {shape}"
+                    f"GaussianCloud.{name}: found {array.dtype} {array.shape}, "
+                    f"expected float32 or float64 {shape}"
                 )
         if k not in SH_REST_COEFFICIENTS:
             raise InputError(
@@ -68,6 +72,11 @@ class GaussianCloud:
     def sh_degree(self) -> int:
         """0 to 3."""
         return SH_REST_COEFFICIENTS.index(self.sh_rest.shape[2])
+
+    def as_float32(self) -> GaussianCloud:
+        """The same, every array rounded to float32."""
+        arrays = (self.positions, self.rotations, self.scales, self.opacities, self.sh_dc, self.sh_rest)
+        return GaussianCloud(*(array.astype(np.float32, copy=False) for array in arrays))
 
     def take(self, index: npt.NDArray[np.int64]) -> GaussianCloud:
         """The Gaussians `index`, in that order."""

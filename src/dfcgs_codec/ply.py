@@ -195,7 +195,7 @@ def write_ply(path: Path, cloud: GaussianCloud) -> None:
             cloud.positions,
             np.zeros((n, len(_NORMALS)), np.float32),
             cloud.sh_dc,
-            cloud.sh_rest.reshape(n, -1),
+            cloud.sh_rest.reshape(n, 3 * cloud.sh_rest.shape[2]),
             cloud.opacities[:, None],
             cloud.scales,
             cloud.rotations,

@@ -37,12 +37,8 @@ class FrameSource(Protocol):
         ...
 
 
-def _check_cloud(frame: GaussianCloud, index: int) -> None:
+def _check_values(frame: GaussianCloud, index: int) -> None:
     """What `read_ply` checks of a file, for a frame in memory."""
-    if not isinstance(frame, GaussianCloud):
-        raise InputError(f"frame {index}: a {type(frame).__name__}, expected a GaussianCloud")
-    if not frame.num_gaussians:
-        raise InputError(f"frame {index}: no Gaussians")
     for name in ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest"):
         values = getattr(frame, name)
         if not np.isfinite(values).all():
@@ -53,13 +49,17 @@ def _check_cloud(frame: GaussianCloud, index: int) -> None:
 
 @dataclass(frozen=True)
 class MemorySource:
-    """Frames that are in memory."""
+    """Frames that are in memory; `keep_bits`: values that are not finite are kept as they are."""
 
     frames: list[GaussianCloud]
+    keep_bits: bool = False
 
     def __post_init__(self) -> None:
         for index, frame in enumerate(self.frames):
-            _check_cloud(frame, index)
+            if not isinstance(frame, GaussianCloud):
+                raise InputError(f"frame {index}: a {type(frame).__name__}, expected a GaussianCloud")
+            if not self.keep_bits:
+                _check_values(frame, index)
         if len({frame.sh_degree for frame in self.frames}) > 1:
             raise InputError("frames of different SH degree; a sequence has one SH degree")
 

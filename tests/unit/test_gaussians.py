@@ -24,8 +24,16 @@ def test_a_length_other_than_that_of_positions_is_named(field: str) -> None:
 @pytest.mark.parametrize("field", FIELDS)
 def test_a_wrong_dtype_is_named(field: str) -> None:
     cloud = make_cloud(3, 1)
-    with pytest.raises(InputError, match=f"GaussianCloud.{field}: found float64"):
-        replace(cloud, **{field: getattr(cloud, field).astype(np.float64)})
+    with pytest.raises(InputError, match=f"GaussianCloud.{field}: found float16"):
+        replace(cloud, **{field: getattr(cloud, field).astype(np.float16)})
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_doubles_are_taken(field: str) -> None:
+    cloud = make_cloud(3, 1)
+    wide = replace(cloud, **{field: getattr(cloud, field).astype(np.float64)})
+    assert getattr(wide, field).dtype == np.float64
+    assert same_cloud(wide.as_float32(), cloud)
 
 
 @pytest.mark.parametrize("shape", [(3, 3, 4), (3, 3, 16), (3, 9), (3, 2, 3)])

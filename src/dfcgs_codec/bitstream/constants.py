@@ -8,7 +8,7 @@ from typing import NamedTuple
 MAGIC = b"\x89DGS\r\n\x1a\n"
 #: first bytes of another package's `.dgs` files (dgs-py: one static scene with linear velocities)
 FOREIGN_MAGIC = b"glps"
-BITSTREAM_VERSION = 10
+BITSTREAM_VERSION = 11
 
 #: chunk types with this bit set may be skipped when unknown
 ANCILLARY_BIT = 0x80
@@ -18,6 +18,8 @@ CRC_BYTES = 4
 
 #: state integers stay inside +-(2**29 - 1), so that the output process is exact
 STATE_LIMIT = (1 << 29) - 1
+#: largest magnitude of the origin of positions, in grid units, so that sums are exact in float64
+MAX_ORIGIN = 1 << 52
 #: fraction bits of the unit quaternion of the state
 ROTATION_FRACTION_BITS = 24
 #: fraction bits of the stereographic rotation vector that rotation symbols scale
@@ -59,9 +61,11 @@ class ChunkType(IntEnum):
     MOTION = 0x22
     TOPOLOGY = 0x23
     RESIDUAL = 0x24
+    ESCAPES = 0x25
     INDEX = 0x7E
     END = 0x7F
     ENCODER_INFO = 0x81
+    PLY_COMMENTS = 0x82
 
 
 class Profile(IntEnum):
@@ -77,6 +81,13 @@ class OutputOrder(IntEnum):
     FREE = 0
     SEQUENCE = 1
     INPUT = 2
+
+
+class Precision(IntEnum):
+    """Width of decoded positions (spec section 4)."""
+
+    FLOAT32 = 0
+    FLOAT64 = 1
 
 
 class IntraKind(IntEnum):
@@ -108,6 +119,7 @@ class Tool(IntEnum):
     VISIBILITY = 2
     LATENT = 3
     REFINEMENT = 4
+    ESCAPE = 5
 
 
 class Attribute(IntEnum):
@@ -138,8 +150,8 @@ STATE_COLUMNS = {
 
 #: tools that P-frames of a profile may use
 PROFILE_TOOLS = {
-    Profile.MAIN: frozenset({Tool.MOTION, Tool.TOPOLOGY, Tool.VISIBILITY}),
-    Profile.PAPER: frozenset({Tool.LATENT, Tool.REFINEMENT}),
+    Profile.MAIN: frozenset({Tool.MOTION, Tool.TOPOLOGY, Tool.VISIBILITY, Tool.ESCAPE}),
+    Profile.PAPER: frozenset({Tool.LATENT, Tool.REFINEMENT, Tool.ESCAPE}),
 }
 
 

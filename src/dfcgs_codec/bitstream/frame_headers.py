@@ -85,6 +85,10 @@ class ControlHeader:
         )
 
 
+#: that of a frame without Gaussians, which says nothing
+NO_CONTROL = ControlHeader(ControlRule.FARTHEST, 1, 0)
+
+
 def write_steps(writer: ByteWriter, steps: dict[Attribute, int]) -> None:
     """Steps in rising order of attributes."""
     for attribute in sorted(steps):
@@ -188,13 +192,22 @@ class IntraHeader:
     steps: dict[Attribute, int]
     lengths: tuple[int, ...]
     grading: Grading | None = None
+    has_escapes: bool = False
+
+    @staticmethod
+    def empty(frame_hash: bytes) -> IntraHeader:
+        """That of a frame without Gaussians."""
+        return IntraHeader(frame_hash, IntraKind.CODED, 0, False, NO_CONTROL, None, {}, ())
 
     def write(self, writer: ByteWriter) -> None:
         """All fields in order; grid and steps for `coded` frames only."""
         writer.raw(self.frame_hash)
         writer.u8(self.kind)
         writer.uvarint(self.num_gaussians)
+        if not self.num_gaussians:
+            return
         writer.u8(int(self.has_permutation))
+        writer.u8(int(self.has_escapes))
         self.control.write(writer)
         if self.sort_grid is not None:
             self.sort_grid.write(writer)
@@ -205,14 +218,17 @@ class IntraHeader:
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> IntraHeader:
-        """Refuses N = 0 and N above the level."""
+        """Refuses N above the level, and escapes where all values are exact."""
         frame_hash = reader.raw(FRAME_HASH_BYTES)
         kind = read_enum(IntraKind, reader, "intra_kind")
-        offset = reader.offset
         n = read_bounded(reader.uvarint, sequence.limits.max_gaussians, "num_gaussians", reader)
         if n == 0:
-            raise CorruptBitstream("num_gaussians is 0", offset=offset)
+            return IntraHeader.empty(frame_hash)
         permuted = bool(read_bounded(reader.u8, 1, "has_permutation", reader))
+        offset = reader.offset
+        has_escapes = bool(read_bounded(reader.u8, 1, "has_escapes", reader))
+        if has_escapes and kind == IntraKind.PLY:
+            raise CorruptBitstream("escapes in a verbatim I-frame", offset=offset)
         control = ControlHeader.read(reader)
         attributes = coded_attributes(sequence.sh_degree)
         grid, steps, grading = None, {}, None
@@ -222,7 +238,7 @@ class IntraHeader:
             grading = Grading.read(reader, sequence)
         num_streams = num_intra_streams(attributes, grading) + permuted
         lengths = tuple(reader.uvarint() for _ in range(num_streams))
-        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths, grading)
+        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths, grading, has_escapes)
 
 
 def _read_block_log2(reader: ByteReader) -> int:

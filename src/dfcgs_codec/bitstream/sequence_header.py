@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     LEVELS,
     MAX_OPACITY_EXPONENT,
+    MAX_ORIGIN,
     MODEL_HASH_BYTES,
     LevelLimits,
     OutputOrder,
+    Precision,
     Profile,
 )
-from dfcgs_codec.bitstream.fields import read_bounded, read_enum
+from dfcgs_codec.bitstream.fields import at_most, read_bounded, read_enum
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.errors import CorruptBitstream, LimitExceeded, UnsupportedBitstream
 
@@ -77,12 +79,22 @@ class FrameNumbers:
 
 @dataclass(frozen=True)
 class UnitExponents:
-    """log2 of the unit of each grid of the state; value = state * 2**exponent (spec section 8)."""
+    """log2 of the unit of each grid of the state; value = state * 2**exponent (spec section 8).
+
+    `origin` x, y, z in units of positions is added to these; `precision` is that of decoded positions.
+    """
 
     position: int
     scale: int
     opacity: int
     color: int
+    origin: tuple[int, int, int] = (0, 0, 0)
+    precision: Precision = Precision.FLOAT32
+
+    @property
+    def from_origin(self) -> UnitExponents:
+        """The grids of values whose positions are taken from the origin already."""
+        return replace(self, origin=(0, 0, 0))
 
     @property
     def suit_networks(self) -> bool:
@@ -91,13 +103,14 @@ class UnitExponents:
         return self.scale <= _MAX_NETWORK_SCALE_EXPONENT and low <= self.color <= high
 
     def write(self, writer: ByteWriter) -> None:
-        """Four svarints."""
-        for value in (self.position, self.scale, self.opacity, self.color):
+        """Four exponents, the origin, the precision."""
+        for value in (self.position, self.scale, self.opacity, self.color, *self.origin):
             writer.svarint(value)
+        writer.u8(self.precision)
 
     @staticmethod
     def read(reader: ByteReader) -> UnitExponents:
-        """Exponents beyond +-60 are refused."""
+        """Exponents beyond +-60 are refused, and an origin that sums could not hold."""
         offset = reader.offset
         values = [reader.svarint() for _ in range(4)]
         if max(map(abs, values)) > _MAX_UNIT_EXPONENT:
@@ -106,7 +119,12 @@ class UnitExponents:
             raise LimitExceeded(
                 f"opacity unit exponent {values[2]} exceeds {MAX_OPACITY_EXPONENT}", offset=offset
             )
-        return UnitExponents(*values)
+        offset = reader.offset
+        x, y, z = reader.svarint(), reader.svarint(), reader.svarint()
+        at_most(max(abs(x), abs(y), abs(z)), MAX_ORIGIN, "position_origin", offset)
+        precision = read_enum(Precision, reader, "position_precision")
+        position, scale, opacity, color = values
+        return UnitExponents(position, scale, opacity, color, (x, y, z), precision)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
 
+from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import ChunkType, Profile
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
@@ -24,6 +25,7 @@ _PARTS = (
     ChunkType.TOPOLOGY,
     ChunkType.MOTION,
     ChunkType.RESIDUAL,
+    ChunkType.ESCAPES,
 )
 
 
@@ -62,6 +64,17 @@ class SequenceDecoder:
         self._numbers = self.sequence.frame_numbers.expand()
         self._model = _model_of(self.sequence)
 
+    @property
+    def comments(self) -> tuple[bytes, ...]:
+        """Comments of the input's PLY files that the file keeps, without the word, as they were."""
+        found: list[bytes] = []
+        for head in self.container.chunks():
+            if not head.is_ancillary:
+                break
+            if head.chunk_type == ChunkType.PLY_COMMENTS:
+                found += PlyComments.read(self.container.payload(head)).lines
+        return tuple(found)
+
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
         """Frames start..stop - 1 as far as there are, decoding from the GoF that holds `start`."""
         stop = self.sequence.num_frames if stop is None else min(stop, self.sequence.num_frames)
@@ -92,7 +105,8 @@ class SequenceDecoder:
                 if head.frame_index >= self.sequence.num_frames:
                     raise CorruptBitstream("more frames than the header says", offset=head.offset)
                 is_intra = head.chunk_type == ChunkType.INTRA_FRAME
-                state = gof.intra(head) if is_intra else gof.inter(head, lambda: _next(chunks))
+                decode = gof.intra if is_intra else gof.inter
+                state = decode(head, lambda: _next(chunks))
                 number = self._numbers[head.frame_index]
                 yield DecodedFrame(head.frame_index, number, state, self.sequence)
             else:
@@ -108,5 +122,5 @@ class SequenceDecoder:
 def _next(chunks: Iterator[ChunkHead]) -> ChunkHead:
     head = next(chunks, None)
     if head is None:
-        raise CorruptBitstream("the last P-frame lacks its other chunks")
+        raise CorruptBitstream("the last frame lacks its other chunks")
     return head

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import FRAME_HASH_BYTES, ROTATION_FRACTION_BITS, Attribute
+from dfcgs_codec.bitstream.constants import (
+    FRAME_HASH_BYTES,
+    ROTATION_FRACTION_BITS,
+    STATE_COLUMNS,
+    Attribute,
+    Precision,
+)
+from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.transform.companding import expand
@@ -66,14 +75,22 @@ class FrameState:
     companded, SH_DC (N, 3), SH_1, SH_2, SH_3 (N, 9), (N, 15), (N, 21): coefficient by coefficient, red,
     green, blue within.
     `order` (N, 1) is the place of each Gaussian in the output, or None when they come as they are.
-    `verbatim` holds the float32 frame of a `ply` I-frame, in GoF order. `cover` int64 (N,) are the cover
-    classes of a graded I-frame and of what follows it; they are no part of the hash.
+    `verbatim` holds the float32 frame of a `ply` I-frame, in GoF order; `escapes` are values that the grids
+    do not hold. `cover` int64 (N,) are the cover classes of a graded I-frame and of what follows it; they
+    are no part of the hash.
     """
 
     planes: dict[Attribute, Plane]
     order: Plane | None = None
     verbatim: GaussianCloud | None = field(default=None, compare=False)
     cover: Int64 | None = field(default=None, compare=False)
+    escapes: Escapes | None = field(default=None, compare=False)
+
+    def on_grid(self) -> FrameState:
+        """Without what P-frames do not refer to: float32 values and escapes."""
+        if self.verbatim is None and self.escapes is None:
+            return self
+        return replace(self, verbatim=None, escapes=None)
 
     def take(self, rows: Int64) -> FrameState:
         """Some of the Gaussians, their places in the output closed up."""
@@ -119,7 +136,14 @@ class FrameState:
         if self.verbatim is not None:
             for array in verbatim_columns(self.verbatim):
                 digest.update(array.astype("<f4", copy=False).tobytes())
+        if self.escapes is not None and len(self.escapes):
+            digest.update(self.escapes.payload())
         return digest.digest()
+
+
+def empty_state(attributes: list[Attribute]) -> FrameState:
+    """That of a frame without Gaussians."""
+    return FrameState({a: Plane(np.zeros((0, STATE_COLUMNS[a]), np.int32)) for a in attributes})
 
 
 def ranks(places: npt.NDArray[np.integer]) -> Int64:
@@ -140,7 +164,7 @@ def sh_bands(sh_rest: npt.NDArray[np.float32]) -> list[npt.NDArray[np.float32]]:
     """Columns of SH degree 1, 2, 3, as far as there are, of `sh_rest` (N, 3, K)."""
     ends = SH_REST_COEFFICIENTS[: SH_REST_COEFFICIENTS.index(sh_rest.shape[2]) + 1]
     return [
-        sh_rest[:, :, start:end].transpose(0, 2, 1).reshape(len(sh_rest), -1)
+        sh_rest[:, :, start:end].transpose(0, 2, 1).reshape(len(sh_rest), 3 * (end - start))
         for start, end in itertools.pairwise(ends)
     ]
 
@@ -148,17 +172,70 @@ def sh_bands(sh_rest: npt.NDArray[np.float32]) -> list[npt.NDArray[np.float32]]:
 def sh_rest_of_bands(bands: list[npt.NDArray[np.float32]], count: int) -> npt.NDArray[np.float32]:
     """Inverse of `sh_bands`; `count` is N."""
     columns = np.concatenate([np.zeros((count, 0), np.float32), *bands], axis=1)
-    return np.ascontiguousarray(columns.reshape(count, -1, 3).transpose(0, 2, 1))
+    return np.ascontiguousarray(columns.reshape(count, columns.shape[1] // 3, 3).transpose(0, 2, 1))
 
 
 def output(state: FrameState, units: UnitExponents) -> GaussianCloud:
-    """The output process: the float32 frame of a state, in output order (spec section 8.4)."""
+    """The output process: the frame of a state in floats, in output order (spec section 8.4).
+
+    Positions are float64 where `units` have that precision, all else is float32.
+    """
     cloud = state.verbatim if state.verbatim is not None else _expand(state, units)
+    if units.precision == Precision.FLOAT64:
+        cloud = replace(cloud, positions=cloud.positions.astype(np.float64))
+    if state.escapes is not None:
+        cloud = _escaped(cloud, state.escapes)
     if state.order is None:
         return cloud
     source = np.empty(state.num_gaussians, np.int64)
     source[state.order.values[:, 0]] = np.arange(state.num_gaussians)
     return cloud.take(source)
+
+
+#: first column of each attribute in a row of all of them
+_FIRST_COLUMNS = dict(
+    zip(STATE_COLUMNS, itertools.accumulate(STATE_COLUMNS.values(), initial=0), strict=False)
+)
+_FIELD_COLUMNS = {
+    "positions": _FIRST_COLUMNS[Attribute.POSITION],
+    "scales": _FIRST_COLUMNS[Attribute.SCALE],
+    "rotations": _FIRST_COLUMNS[Attribute.ROTATION],
+    "opacities": _FIRST_COLUMNS[Attribute.OPACITY],
+    "sh_dc": _FIRST_COLUMNS[Attribute.SH_DC],
+    "sh_rest": _FIRST_COLUMNS[Attribute.SH_1],
+}
+
+
+def columns_of(cloud: GaussianCloud) -> Iterator[tuple[str, int, npt.NDArray[np.floating]]]:
+    """Field, first column in a row of all attributes, and values (N, C) with the columns of the state.
+
+    The values are a view of the cloud's array, but for `sh_rest`, whose columns come in another order.
+    """
+    for name, first in _FIELD_COLUMNS.items():
+        values = getattr(cloud, name)
+        if name == "sh_rest":
+            values = values.transpose(0, 2, 1)
+        yield name, first, values.reshape(cloud.num_gaussians, math.prod(values.shape[1:]))
+
+
+def _escaped(cloud: GaussianCloud, escapes: Escapes) -> GaussianCloud:
+    """With the exact values of `escapes` in their places."""
+    found = {}
+    for name, first, values in columns_of(cloud):
+        width = values.shape[1]
+        some = (escapes.columns >= first) & (escapes.columns < first + width)
+        if not some.any():
+            continue
+        bits = np.array(values).view(f"u{values.itemsize}")
+        bits[escapes.rows[some], escapes.columns[some] - first] = escapes.patterns[some]
+        found[name] = _shaped(name, bits.view(values.dtype), getattr(cloud, name).shape)
+    return replace(cloud, **found)
+
+
+def _shaped(name: str, values: npt.NDArray[np.floating], shape: tuple[int, ...]) -> npt.NDArray[np.floating]:
+    if name != "sh_rest":
+        return values.reshape(shape)
+    return np.ascontiguousarray(values.reshape(shape[0], shape[2], shape[1]).transpose(0, 2, 1))
 
 
 def _joined(bands: list[Plane], count: int, exponent: int) -> Float32:
@@ -174,13 +251,22 @@ def _joined(bands: list[Plane], count: int, exponent: int) -> Float32:
     return known[2]
 
 
+def _positions(plane: Plane, units: UnitExponents) -> npt.NDArray[np.floating]:
+    """Positions with their origin: exact in float64, then one rounding where they come out as float32."""
+    if units.origin == (0, 0, 0) and units.precision == Precision.FLOAT32:
+        return plane.floats(units.position)
+    sums = (plane.wide() + np.array(units.origin, np.int64)).astype(np.float64)
+    values = np.ldexp(sums, units.position)
+    return values if units.precision == Precision.FLOAT64 else values.astype(np.float32)
+
+
 def _expand(state: FrameState, units: UnitExponents) -> GaussianCloud:
     n = state.num_gaussians
     planes = state.planes
     logits = expand(planes[Attribute.OPACITY].wide()[:, 0], units.opacity)
     bands = [planes[a] for a in SH_BANDS if a in planes]
     return GaussianCloud(
-        positions=planes[Attribute.POSITION].floats(units.position),
+        positions=_positions(planes[Attribute.POSITION], units),
         rotations=planes[Attribute.ROTATION].floats(-ROTATION_FRACTION_BITS),
         scales=planes[Attribute.SCALE].floats(units.scale),
         opacities=_to_float(logits, units.opacity),

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
+from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.fields import at_most
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader
@@ -15,7 +16,7 @@ from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.activity import InterSymbols
 from dfcgs_codec.codec.compensation import Carried
-from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.codec.dpb import FrameState, Plane, empty_state
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.inter import InterShape, code_inter
 from dfcgs_codec.codec.intra import IntraShape
@@ -65,6 +66,8 @@ def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHead
     """State of an I-frame; `reader` stands behind the header."""
     attributes = coded_attributes(sequence.sh_degree)
     streams = _Streams(reader, header.lengths)
+    if not header.num_gaussians:
+        return empty_state(attributes)
     if header.kind == IntraKind.PLY:
         widths = [STATE_COLUMNS[a] for a in attributes]
         verbatim = code_verbatim(streams.next, None, widths, (header.num_gaussians, header.has_permutation))
@@ -92,13 +95,15 @@ class GofDecoder:
         self._check = check
         self._state: GofState | None = None
 
-    def intra(self, head: ChunkHead) -> FrameState:
-        """Decode an INTRA_FRAME chunk."""
+    def intra(self, head: ChunkHead, next_chunk: Callable[[], ChunkHead]) -> FrameState:
+        """Decode an INTRA_FRAME chunk and the escapes that it announces."""
         reader = self._container.payload(head)
         header = IntraHeader.read(reader, self._sequence)
         frame = decode_intra(reader, header, self._sequence)
         setup = GofSetup(header.control, self._sequence.unit_exponents, self._prior)
         state = GofState.of_intra(frame, setup, header.steps)
+        if header.has_escapes:
+            state = self._escaped(head, state, next_chunk)
         return self._keep(state, header.frame_hash, head)
 
     def inter(self, head: ChunkHead, next_chunk: Callable[[], ChunkHead]) -> FrameState:
@@ -109,10 +114,17 @@ class GofDecoder:
         reader = self._container.payload(head)
         header = InterHeader.read(reader, self._sequence)
         reader.expect_end("the P-frame header")
+        changes = bool(header.tools or header.steps)
+        if changes and not state.frame.num_gaussians:
+            raise CorruptBitstream("a P-frame that changes a frame without Gaussians", offset=head.offset)
+        if changes:
+            state = replace(state, frame=state.frame.on_grid())
         if self._latents is not None:
             state = self._latent(head, header, state, next_chunk)
         else:
             state = self._main(head, header, state, next_chunk)
+        if Tool.ESCAPE in header.tools:
+            state = self._escaped(head, state, next_chunk)
         return self._keep(state, header.frame_hash, head)
 
     def _latent(
@@ -171,10 +183,16 @@ class GofDecoder:
             state = topology.finish(state, header.block_log2)
         return state
 
+    def _escaped(self, head: ChunkHead, state: GofState, next_chunk: Callable[[], ChunkHead]) -> GofState:
+        """With the escapes of the frame."""
+        chunk = self._open(head, next_chunk(), ChunkType.ESCAPES)
+        escapes = Escapes.read(chunk, self._sequence, state.frame.num_gaussians)
+        return replace(state, frame=replace(state.frame, escapes=escapes))
+
     def _open(self, head: ChunkHead, chunk: ChunkHead, kind: ChunkType) -> ByteReader:
-        """Payload of a chunk that belongs to the P-frame of `head`."""
+        """Payload of a chunk that belongs to the frame of `head`."""
         if chunk.chunk_type != kind or chunk.frame_index != head.frame_index:
-            raise CorruptBitstream(f"a P-frame lacks its {kind.name} chunk", offset=chunk.offset)
+            raise CorruptBitstream(f"a frame lacks its {kind.name} chunk", offset=chunk.offset)
         return self._container.payload(chunk)
 
     def _keep(self, state: GofState, frame_hash: bytes, head: ChunkHead) -> FrameState:

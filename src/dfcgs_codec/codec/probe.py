@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     GRADED_STREAMS,
@@ -54,6 +55,7 @@ class SequenceInfo:
     frames: list[FrameInfo] = field(default_factory=list)
     chunk_bytes: Counter[str] = field(default_factory=Counter)
     chunks: list[tuple[str, int, int, int]] = field(default_factory=list)
+    comments: list[bytes] = field(default_factory=list)
 
     @property
     def num_gaussians(self) -> int:
@@ -106,6 +108,8 @@ class SequenceInfo:
 def _stream_names(attributes: list[Attribute], header: IntraHeader) -> list[str]:
     """What is in the streams of an I-frame, in their order."""
     names = [a.name for a in attributes]
+    if not header.num_gaussians:
+        return []
     if header.grading is not None:
         cover, bits = GRADED_STREAMS
         position, scale, rotation, opacity, *colours = names
@@ -169,9 +173,11 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
             info.frames[-1].num_bytes += size
             info.frames[-1].attribute_bytes[kind.name] = size
             info.frames[-1].control_points = _control_points(reader, info.header.profile)
-        elif kind == ChunkType.HYPERPRIOR and info.frames:
+        elif kind in (ChunkType.HYPERPRIOR, ChunkType.ESCAPES) and info.frames:
             info.frames[-1].num_bytes += size
             info.frames[-1].attribute_bytes[kind.name] = size
+        elif kind == ChunkType.PLY_COMMENTS:
+            info.comments += PlyComments.read(container.payload(head)).lines
         elif kind == ChunkType.RESIDUAL and info.frames:
             info.frames[-1].num_bytes += size
             info.frames[-1].attribute_bytes |= {a.name: reader.uvarint() for a in attributes}

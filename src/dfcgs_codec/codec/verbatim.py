@@ -15,13 +15,13 @@ from dfcgs_codec.codec.dpb import SH_BANDS, FrameState, Plane, sh_bands, sh_rest
 from dfcgs_codec.codec.intra import code_permutation
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder, UInt8
 from dfcgs_codec.entropy.symbols import Groups, code_bits, code_with_models
-from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.companding import compress
 from dfcgs_codec.transform.lod import order_levels
 from dfcgs_codec.transform.rotation import from_float
 
 Float32 = npt.NDArray[np.float32]
+Floats = npt.NDArray[np.floating]
 _BYTE = 256
 _NUM_CONTEXTS = 8
 
@@ -112,32 +112,43 @@ def code_verbatim(
 
 
 def cloud_of_columns(columns: list[Float32]) -> GaussianCloud:
-    """Inverse of `dpb.verbatim_columns`; values without a place on the grid are corrupt (spec section 13)."""
+    """Inverse of `dpb.verbatim_columns`."""
     n = len(columns[0])
-    if not all(np.isfinite(values).all() for values in columns) or (columns[2] == 0).all(axis=1).any():
-        raise CorruptBitstream("a verbatim value is not finite, or a quaternion is zero")
     sh_rest = sh_rest_of_bands(columns[5:], n)
     return GaussianCloud(columns[0], columns[2], columns[1], columns[3][:, 0], columns[4], sh_rest)
 
 
-def _to_grid(values: Float32, exponent: int) -> Int64:
+def _to_grid(values: Floats, exponent: int, origin: tuple[int, ...] = (0,)) -> Int64:
     # exact up to the one rounding of rint; clipped before the cast, so that it is within range
-    scaled = np.rint(np.ldexp(values.astype(np.float64), -exponent))
-    return np.clip(scaled, -STATE_LIMIT, STATE_LIMIT).astype(np.int64)
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = np.rint(np.ldexp(values.astype(np.float64), -exponent))
+    if any(origin):
+        scaled -= np.array(origin, np.float64)
+    known = np.where(np.isnan(scaled), 0.0, scaled)
+    return np.clip(known, -STATE_LIMIT, STATE_LIMIT).astype(np.int64)
+
+
+def _known_rotations(rotations: Floats) -> Floats:
+    """Those that are no quaternion, not finite or zero, as no rotation."""
+    unknown = ~np.isfinite(rotations).all(axis=1) | (rotations == 0).all(axis=1)
+    if not unknown.any():
+        return rotations
+    return np.where(unknown[:, None], np.array([1, 0, 0, 0], rotations.dtype), rotations)
 
 
 def grid_values(cloud: GaussianCloud, field: str, units: UnitExponents) -> dict[Attribute, Int64]:
     """Integers (N, C) of the attributes that one array of `cloud` holds, on their grids."""
     values = getattr(cloud, field)
+    if field == "positions":
+        return {Attribute.POSITION: _to_grid(values, units.position, units.origin)}
     if field == "sh_rest":
         bands = zip(SH_BANDS, sh_bands(values), strict=False)
         return {attribute: _to_grid(band, units.color) for attribute, band in bands}
     if field == "rotations":
-        return {Attribute.ROTATION: from_float(values)}
+        return {Attribute.ROTATION: from_float(_known_rotations(values))}
     if field == "opacities":
         return {Attribute.OPACITY: compress(_to_grid(values, units.opacity), units.opacity)[:, None]}
     attribute, exponent = {
-        "positions": (Attribute.POSITION, units.position),
         "scales": (Attribute.SCALE, units.scale),
         "sh_dc": (Attribute.SH_DC, units.color),
     }[field]

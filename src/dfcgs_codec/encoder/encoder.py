@@ -9,10 +9,14 @@ from typing import BinaryIO
 
 import numpy as np
 
+from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import LEVELS, MODEL_HASH_BYTES, ChunkType, IntraKind, Profile
 from dfcgs_codec.bitstream.container import ContainerWriter
+from dfcgs_codec.bitstream.io import ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
+from dfcgs_codec.codec.dpb import columns_of
 from dfcgs_codec.encoder.lattice import keep_exactly
+from dfcgs_codec.encoder.off_grid import Grids
 from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, PAPER_GOF_SIZE, EncoderOptions
 from dfcgs_codec.encoder.parallel import code_in_parallel
 from dfcgs_codec.encoder.placing import balanced_plan
@@ -22,6 +26,7 @@ from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import replace_when_whole
+from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.registry import installed
 from dfcgs_codec.sequence import FrameSource
 
@@ -48,15 +53,33 @@ def _anchors(counts: list[int]) -> list[int]:
     return anchors
 
 
+def _any_cloud(sh_degree: int) -> GaussianCloud:
+    """What a sequence is planned from that has no Gaussians."""
+    shapes = ((1, 3), (1, 4), (1, 3), (1,), (1, 3), (1, 3, SH_REST_COEFFICIENTS[sh_degree]))
+    return GaussianCloud(*(np.ones(shape, np.float32) for shape in shapes))
+
+
+def _finite(cloud: GaussianCloud) -> GaussianCloud:
+    """The Gaussians all of whose values are finite; any one where there is none."""
+    finite = np.ones(cloud.num_gaussians, np.bool_)
+    for _, _, values in columns_of(cloud):
+        finite &= np.isfinite(values).all(axis=1)
+    if finite.all():
+        return cloud
+    return cloud.take(np.flatnonzero(finite)) if finite.any() else _any_cloud(cloud.sh_degree)
+
+
 def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     """Header, grids and steps, from the input's headers and its first frame."""
     headers = source.headers
     if not headers:
         raise InputError("no frames to encode")
     counts = [header.num_gaussians for header in headers]
-    first, _ = source.read(0)
-    reach = float(np.abs(first.positions).max())
-    quantisation = plan_quantisation(options.qp, options.bounds, first, reach)
+    first_frame = next((index for index, count in enumerate(counts) if count), 0)
+    first = source.read(first_frame)[0] if any(counts) else _any_cloud(headers[0].sh_degree)
+    quantisation = plan_quantisation(options.qp, options.bounds, _finite(first))
+    if options.intra == IntraKind.PLY:
+        quantisation = quantisation.with_float32_positions()
     if options.exact and options.profile == Profile.MAIN and options.intra == IntraKind.CODED:
         quantisation = keep_exactly(quantisation, source, first)
     model = installed(options.model) if options.model else None
@@ -71,7 +94,8 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
         model_id="" if model is None else model.model_id,
         model_hash=b"" if model is None else model.digest[:MODEL_HASH_BYTES],
     )
-    return balanced_plan(SequencePlan(header, quantisation, options, _anchors(counts)), first)
+    plan = SequencePlan(header, quantisation, options, _anchors(counts), first_frame)
+    return balanced_plan(plan, Grids(quantisation.units).split(first)[0])
 
 
 def _segments(plan: SequencePlan) -> list[tuple[int, int]]:
@@ -105,6 +129,10 @@ def _write(
     report = EncodeReport(notes=list(plan.quantisation.notes))
     writer = ContainerWriter(file, plan.header)
     writer.chunk(ChunkType.ENCODER_INFO, 0, plan.options.describe().encode())
+    if plan.comments:
+        comments = ByteWriter()
+        PlyComments(plan.comments).write(comments)
+        writer.chunk(ChunkType.PLY_COMMENTS, 0, comments.getvalue())
     done = 0
 
     def advance(count: int) -> None:
@@ -123,6 +151,11 @@ def _write(
         report.notes.append(
             f"profile paper moves and turns Gaussians only: what else changed in {report.held_frames} frames "
             "was left as in the I-frame before"
+        )
+    if report.num_escapes:
+        report.notes.append(
+            f"{report.num_escapes} values in {report.escaped_frames} frames lie outside the grids planned "
+            "from the first frame, or are not finite: they are kept exactly, beside the others"
         )
     report.num_bytes = writer.size
     return report

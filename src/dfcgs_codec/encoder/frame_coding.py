@@ -20,7 +20,7 @@ from dfcgs_codec.bitstream.io import ByteWriter
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.activity import InterSymbols
-from dfcgs_codec.codec.dpb import FrameState, Plane, verbatim_columns
+from dfcgs_codec.codec.dpb import FrameState, Plane, empty_state, verbatim_columns
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.inter import InterShape, code_inter
 from dfcgs_codec.codec.intra import IntraShape
@@ -166,6 +166,20 @@ def code_intra_frame(frame_index: int, task: IntraTask, setup: GofSetup) -> Code
     return CodedFrame(chunk, "I", GofState.of_intra(state, setup, used))
 
 
+def code_empty_frame(frame_index: int, attributes: list[Attribute], setup: GofSetup) -> CodedFrame:
+    """An I-frame without Gaussians."""
+    state = empty_state(attributes)
+    chunk = _intra_chunk(frame_index, IntraHeader.empty(state.hash()), [])
+    return CodedFrame(chunk, "I", GofState.of_intra(state, setup, {}))
+
+
+def code_repetition(frame_index: int, before: GofState) -> CodedFrame:
+    """A P-frame that is as the frame that left `before`."""
+    writer = ByteWriter()
+    InterHeader(before.frame.hash(), frozenset(), 0, {}).write(writer)
+    return CodedFrame(write_chunk(ChunkType.INTER_FRAME, frame_index, writer.getvalue()), "skip", before)
+
+
 def code_verbatim_frame(
     frame_index: int, state: FrameState, permutation: Int64 | None, setup: GofSetup
 ) -> CodedFrame:
@@ -266,7 +280,7 @@ def code_inter_frame(
         chunks.append(chunk)
     coarser = before.visibility.all_multipliers(used.visibility)
     frame = reconstruct_inter(symbols, used.steps, predicted, coarser)
-    state = before.after(frame, symbols, carried)
+    state = before.after(frame.on_grid() if chunks or change else frame, symbols, carried)
     if change is not None:
         chunk, state, source = _topology(frame_index, change, state, block_log2)
         chunks.insert(0, chunk)

@@ -86,7 +86,7 @@ class LatentCoder:
         if refined is not frame:
             frame = refined
             tools.add(Tool.REFINEMENT)
-        after = state.after(frame, InterSymbols(), None)
+        after = state.after(frame.on_grid() if tools else frame, InterSymbols(), None)
         writer = ByteWriter()
         InterHeader(after.frame.hash(), frozenset(tools), 0, {}).write(writer)
         data = write_chunk(ChunkType.INTER_FRAME, index, writer.getvalue()) + chunks

@@ -32,6 +32,7 @@ _MEAN_OCTAVES = -0.4
 _LEAST_OCTAVES = -1.5
 
 
+@np.errstate(over="ignore")
 def lattice_log2(values: npt.NDArray[np.float32]) -> int | None:
     """log2, 0 to -12, of the largest power of two that nearly all `values` are multiples of, or None."""
     if np.count_nonzero(values) < _NOT_ZERO * values.size:

@@ -73,7 +73,7 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
     """With steps in proportion to what they show in the `first` frame."""
     if not (plan.is_graded and plan.options.balance):
         return plan
-    found, planes = light(first), Targets(plan.header.unit_exponents).planes(first)
+    found, planes = light(first), Targets(plan.header.unit_exponents.from_origin).planes(first)
     placing = Placing.of(first, planes, plan, found)
     assert placing.names is not None
     assert placing.graded is not None

@@ -26,14 +26,18 @@ BLOCK_LOG2 = 6
 class SequencePlan:
     """Header, steps and options of a sequence; `anchors[i]` is the first frame of frame i's run.
 
-    `first_light` (N,): the share of light that reaches each Gaussian of frame 0, where it was measured.
+    `first_frame`: the first one with Gaussians, which steps and grids were planned from; `first_light` (N,):
+    the share of light that reaches each Gaussian of it, where it was measured. `comments` of the input's PLY
+    files are kept.
     """
 
     header: SequenceHeader
     quantisation: Quantisation
     options: EncoderOptions
     anchors: list[int]
+    first_frame: int = 0
     first_light: Float64 | None = None
+    comments: tuple[bytes, ...] = ()
 
     @property
     def steps(self) -> dict[Attribute, int]:

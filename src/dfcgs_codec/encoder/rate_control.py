@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dfcgs_codec.bitstream.constants import STATE_LIMIT, STEREO_FRACTION_BITS, Attribute
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, STEREO_FRACTION_BITS, Attribute, Precision
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import SH_BANDS
+from dfcgs_codec.encoder.position_grid import FINEST_EXPONENT, UNITS_PER_STEP_LOG2, plan_position_grid
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.companding import ALPHA_PER_UNIT
@@ -61,15 +62,7 @@ BOUND_UNITS = {
 }
 #: RGB per unit of the SH degree 0 coefficient
 SH_C0 = 0.28209479177387814
-#: at least this many grid units to a step, so that the grid's own rounding hardly counts
-_UNITS_PER_STEP_LOG2 = 6
-#: what room to grow must leave of them
-_FEWEST_UNITS_LOG2 = 5
 _COARSEST_EXPONENT = -12
-_FINEST_EXPONENT = -60
-#: later frames may reach 16 times as far as the first
-_ROOM_TO_GROW_LOG2 = 4
-_MAX_REACH_LOG2 = 80
 
 
 @dataclass(frozen=True)
@@ -116,6 +109,10 @@ class Quantisation:
     exact: frozenset[Attribute] = frozenset()
     notes: tuple[str, ...] = ()
 
+    def with_float32_positions(self) -> Quantisation:
+        """For verbatim I-frames: positions that come out as float32, however the input has them."""
+        return replace(self, units=replace(self.units, precision=Precision.FLOAT32))
+
     def balanced(self, graded: Mapping[Attribute, float], inter: Mapping[Attribute, float]) -> Quantisation:
         """With steps of graded I-frames, and of P-frames, coarser by so many octaves."""
         return replace(
@@ -160,16 +157,8 @@ def _spacing(attribute: Attribute, first: GaussianCloud) -> float:
     return float(np.spacing(np.abs(values).max()))
 
 
-def _exponent(step: float, coarsest: int) -> int:
-    return max(_FINEST_EXPONENT, min(coarsest, math.floor(math.log2(step)) - _UNITS_PER_STEP_LOG2))
-
-
-def _position_exponent(step: float, reach: float) -> int:
-    """Many units to a step, as far as the grid still holds `reach`, and if it can some times more."""
-    holding = math.ceil(math.log2(max(reach, 2.0**-60))) - 28
-    # room to grow is never bought with precision
-    roomy = min(holding + _ROOM_TO_GROW_LOG2, math.floor(math.log2(step)) - _FEWEST_UNITS_LOG2)
-    return max(holding, roomy, _exponent(step, 40))
+def _exponent(step: float) -> int:
+    return max(FINEST_EXPONENT, min(_COARSEST_EXPONENT, math.floor(math.log2(step)) - UNITS_PER_STEP_LOG2))
 
 
 def exponents_of(units: UnitExponents) -> dict[Attribute, int]:
@@ -196,42 +185,31 @@ def _limits(bounds: tuple[Bound, ...]) -> dict[Attribute, float]:
     return limits
 
 
-def plan_quantisation(
-    qp: float, bounds: tuple[Bound, ...], first: GaussianCloud, reach: float
-) -> Quantisation:
-    """Grids and steps for a sequence.
+def plan_quantisation(qp: float, bounds: tuple[Bound, ...], first: GaussianCloud) -> Quantisation:
+    """Grids and steps for a sequence; `first` is its first frame.
 
-    `first` is its first frame; `reach` the largest |coordinate| it must hold. Where 2**29 steps do not
-    reach that far, the position step grows for all Gaussians, and a note says so.
+    Where grids that suit the steps do not reach all Gaussians of it, a note says what becomes of these.
     """
     real = {attribute: step * _factor(attribute, qp, first) for attribute, step in REFERENCE_STEPS.items()}
     real[Attribute.POSITION] *= typical_size(first)
     limits = {a: max(step - _spacing(a, first), step / 2) for a, step in _limits(bounds).items()}
     real |= limits
     colours = (Attribute.SH_DC, *SH_BANDS)
-    if not reach < 2.0**_MAX_REACH_LOG2:
-        raise InputError(
-            f"positions reach {reach:g} scene units; scenes up to 2**{_MAX_REACH_LOG2} can be coded"
-        )
-    position = real[Attribute.POSITION]
+    grid = plan_position_grid(first.positions, real[Attribute.POSITION])
     units = UnitExponents(
-        position=_position_exponent(position, reach),
-        scale=_exponent(real[Attribute.SCALE], _COARSEST_EXPONENT),
-        opacity=_exponent(real[Attribute.OPACITY], _COARSEST_EXPONENT),
-        color=_exponent(min(real[a] for a in colours), _COARSEST_EXPONENT),
+        position=grid.exponent,
+        scale=_exponent(real[Attribute.SCALE]),
+        opacity=_exponent(real[Attribute.OPACITY]),
+        color=_exponent(min(real[a] for a in colours)),
+        origin=grid.origin,
+        precision=Precision.FLOAT64 if first.positions.dtype == np.float64 else Precision.FLOAT32,
     )
     exponents = exponents_of(units)
     steps = {}
     for attribute, step in real.items():
-        grid = step / 2.0 ** exponents[attribute]
+        in_units = step / 2.0 ** exponents[attribute]
         # the input's own rounding to the grid takes one unit of a bounded step
-        units_per_step = math.floor(grid) - 1 if attribute in limits else round(grid)
+        units_per_step = math.floor(in_units) - 1 if attribute in limits else round(in_units)
         steps[attribute] = min(max(1, units_per_step), STATE_LIMIT)
-    notes = []
-    if 2.0**units.position > position:
-        notes.append(
-            f"a position reaches {reach:g}: the position step of all Gaussians grows from {position:g} to "
-            f"{2.0**units.position:g}; remove such outliers to keep the scene sharp"
-        )
     graded = _coarser(steps, {a: octaves for a, octaves in GRADED_OCTAVES.items() if a not in limits})
-    return Quantisation(units, steps, frozenset(limits), graded, notes=tuple(notes))
+    return Quantisation(units, steps, frozenset(limits), graded, notes=grid.notes)

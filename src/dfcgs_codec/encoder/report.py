@@ -12,7 +12,7 @@ from dfcgs_codec.encoder.rate_control import SH_C0, Bound
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 
-Float32 = npt.NDArray[np.float32]
+Floats = npt.NDArray[np.floating]
 
 
 @dataclass
@@ -42,7 +42,7 @@ class ErrorStatistics:
         self.count += other.count
 
 
-def _rotation_error(a: Float32, b: Float32) -> npt.NDArray[np.float64]:
+def _rotation_error(a: Floats, b: Floats) -> npt.NDArray[np.float64]:
     """Angle in degrees between quaternions (N, 4), from the chord, which small angles need."""
     u, v = a.astype(np.float64), b.astype(np.float64)
     u /= np.sqrt((u * u).sum(axis=1, keepdims=True))
@@ -52,7 +52,7 @@ def _rotation_error(a: Float32, b: Float32) -> npt.NDArray[np.float64]:
     return degrees
 
 
-def _alpha(logit: Float32) -> npt.NDArray[np.float64]:
+def _alpha(logit: Floats) -> npt.NDArray[np.float64]:
     alpha: npt.NDArray[np.float64] = 1 / (1 + np.exp(-np.clip(logit.astype(np.float64), -60, 60)))
     return alpha
 
@@ -68,8 +68,25 @@ ERROR_FIELDS = {
 }
 
 
-def errors_of(name: str, source: Float32, decoded: Float32) -> npt.NDArray[np.floating]:
-    """Absolute errors of `ERROR_FIELDS[name]`: per Gaussian (position, rotation, alpha) or component."""
+def errors_of(name: str, source: Floats, decoded: Floats) -> npt.NDArray[np.floating]:
+    """Absolute errors of `ERROR_FIELDS[name]`: per Gaussian (position, rotation, alpha) or component.
+
+    Values that are not finite have no error where they are kept as they are, else an infinite one.
+    """
+    odd = ~np.isfinite(source) | ~np.isfinite(decoded)
+    if name == "rotation":
+        odd |= np.broadcast_to((source == 0).all(axis=1, keepdims=True), odd.shape)
+        odd = np.broadcast_to(odd.any(axis=1, keepdims=True), odd.shape)
+    if not odd.any():
+        return _errors_of(name, source, decoded)
+    lost = odd & (source != decoded) & ~(np.isnan(source) & np.isnan(decoded))
+    errors = _errors_of(name, np.where(odd, 1, source), np.where(odd, 1, decoded))
+    if errors.ndim < lost.ndim:
+        lost = lost.any(axis=1)
+    return np.where(lost, np.inf, errors)
+
+
+def _errors_of(name: str, source: Floats, decoded: Floats) -> npt.NDArray[np.floating]:
     if name == "position":
         distance = source.astype(np.float64) - decoded
         errors: npt.NDArray[np.floating] = np.sqrt((distance * distance).sum(axis=1))
@@ -78,8 +95,8 @@ def errors_of(name: str, source: Float32, decoded: Float32) -> npt.NDArray[np.fl
         return _rotation_error(source, decoded)
     if name == "alpha":
         return np.abs(_alpha(source) - _alpha(decoded))
-    difference: Float32 = np.abs(source - decoded)
-    return difference * np.float32(SH_C0) if name == "colour" else difference
+    difference: Floats = np.abs(source - decoded)
+    return difference * difference.dtype.type(SH_C0) if name == "colour" else difference
 
 
 def attribute_errors(source: GaussianCloud, decoded: GaussianCloud) -> dict[str, npt.NDArray[np.floating]]:
@@ -104,7 +121,8 @@ class FrameRecord:
 class EncodeReport:
     """Frames, file size, measured errors, and notes about the input.
 
-    `held_frames`: P-frames whose profile kept what changed in the input besides position and rotation.
+    `held_frames`: P-frames whose profile kept what changed in the input besides position and rotation;
+    `num_escapes`: values that the grids do not hold, in `escaped_frames`.
     """
 
     frames: list[FrameRecord] = field(default_factory=list)
@@ -112,6 +130,8 @@ class EncodeReport:
     notes: list[str] = field(default_factory=list)
     num_bytes: int = 0
     held_frames: int = 0
+    num_escapes: int = 0
+    escaped_frames: int = 0
 
     def add_frame(self, record: FrameRecord, errors: dict[str, ErrorStatistics]) -> None:
         """Record a frame and its errors."""
@@ -124,6 +144,8 @@ class EncodeReport:
         self.frames += other.frames
         self.notes += other.notes
         self.held_frames += other.held_frames
+        self.num_escapes += other.num_escapes
+        self.escaped_frames += other.escaped_frames
         for name, statistics in other.errors.items():
             self.errors.setdefault(name, ErrorStatistics()).merge(statistics)
 

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder, Profile
+from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import Planes, intra_symbols
@@ -21,7 +22,9 @@ from dfcgs_codec.encoder.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame_coding import (
     CodedFrame,
     IntraTask,
+    code_empty_frame,
     code_intra_frame,
+    code_repetition,
     code_verbatim_frame,
 )
 from dfcgs_codec.encoder.grading import settled_names
@@ -29,6 +32,7 @@ from dfcgs_codec.encoder.identity import Members, Succession, found_members, sam
 from dfcgs_codec.encoder.inter_coding import Births, InterCoder, InterTask
 from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionHint
+from dfcgs_codec.encoder.off_grid import Grids, in_gof_order, with_escapes
 from dfcgs_codec.encoder.placing import Placing
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.report import EncodeReport, FrameRecord
@@ -72,10 +76,16 @@ class _Anchor:
 
 @dataclass(frozen=True)
 class _Input:
-    """A frame of the input, its planes in its own order, and what is to be said of it."""
+    """A frame of the input, and what is to be said of it.
 
+    `cloud` has the values that the grids hold, `planes` its integers, in its own order; `escapes` are all
+    others.
+    """
+
+    original: GaussianCloud
     cloud: GaussianCloud
     planes: Planes
+    escapes: Escapes | None
     notes: list[str]
 
 
@@ -83,8 +93,9 @@ class _Input:
 class _Loop:
     """The closed loop after a frame: what was coded, who its Gaussians are, what they should have been.
 
-    `planes` are those of the input, in its order; `moved` (N, 3): how far they went in one frame, or nan;
-    `hint`: what motion was best; `is_held`: attributes changed that P-frames of the profile do not carry.
+    `cloud` and `planes` are those of the input, in its order; `moved` (N, 3): how far they went in one
+    frame, or nan; `hint`: what motion was best; `is_held`: attributes changed that P-frames of the profile
+    do not carry.
     """
 
     coded: CodedFrame
@@ -104,7 +115,8 @@ class SegmentEncoder:
     def __init__(self, source: FrameSource, plan: SequencePlan) -> None:
         self._source = source
         self._plan = plan
-        self._targets = Targets(plan.header.unit_exponents)
+        self._grids = Grids(plan.header.unit_exponents)
+        self._targets = Targets(plan.header.unit_exponents.from_origin)
         self._inter_coder = InterCoder(plan)
         self._latent_coder: LatentCoder | None = None
         if plan.header.profile == Profile.PAPER:
@@ -128,14 +140,17 @@ class SegmentEncoder:
                 if index + 1 < stop:
                     ahead = beside.submit(self._read, index + 1)
                 segment.report.notes += frame.notes
-                loop = self._next(index, frame, loop)
+                loop = self._escaped(index, self._next(index, frame, loop), frame.escapes)
                 segment.report.held_frames += loop.is_held
+                if frame.escapes is not None:
+                    segment.report.num_escapes += len(frame.escapes)
+                    segment.report.escaped_frames += 1
                 if loop.coded.kind == "I":
                     segment.gofs.append(CodedGof(index))
                 segment.gofs[-1].frames.append(loop.coded.data)
                 if measured is not None:
                     measured.result()
-                measured = beside.submit(self._record, segment, index, loop)
+                measured = beside.submit(self._record, segment, index, frame.original, loop)
                 if on_frame is not None:
                     on_frame()
             if measured is not None:
@@ -143,15 +158,18 @@ class SegmentEncoder:
         return segment
 
     def _read(self, index: int) -> _Input:
-        cloud, notes = self._source.read(index)
-        return _Input(cloud, self._targets.planes(cloud), notes)
+        original, notes = self._source.read(index)
+        cloud, escapes = self._grids.split(original)
+        return _Input(original, cloud, self._targets.planes(cloud), escapes, notes)
 
     def _next(self, index: int, frame: _Input, before: _Loop | None) -> _Loop:
         """P or I, whichever is smallest; I is tried only where P is large or cannot be."""
         cloud, planes = frame.cloud, frame.planes
+        if not cloud.num_gaussians:
+            return self._empty(index, cloud, planes, before)
         found: list[_Loop] = []
         limit = 0.0
-        if before is not None:
+        if before is not None and before.cloud.num_gaussians:
             limit = _TRY_INTRA_SHARE * before.intra_bytes
             if is_tracked(before.cloud, cloud):
                 found.append(self._inter(index, (cloud, planes), before, same_members(before.members)))
@@ -160,7 +178,7 @@ class SegmentEncoder:
                 if succession is not None:
                     found.append(self._inter(index, (cloud, planes), before, succession))
         if not found or min(len(loop.coded.data) for loop in found) > limit:
-            found.append(self._intra(index, cloud, planes))
+            found.append(self._intra(index, frame))
         return min(found, key=lambda loop: len(loop.coded.data))
 
     def _inter(
@@ -206,14 +224,30 @@ class SegmentEncoder:
         names = settled_names(names, births.target[Attribute.ROTATION], decoded)
         return Members(births.members.rows, names)
 
-    def _intra(self, index: int, cloud: GaussianCloud, planes: Planes) -> _Loop:
+    def _empty(self, index: int, cloud: GaussianCloud, planes: Planes, before: _Loop | None) -> _Loop:
+        """A frame without Gaussians."""
+        if before is not None and not before.cloud.num_gaussians:
+            return replace(before, coded=code_repetition(index, before.coded.state))
+        coded = code_empty_frame(index, list(planes), self._plan.gof_setup)
+        return _Loop(coded, Members(np.zeros(0, np.int64), None), planes, cloud, planes, len(coded.data))
+
+    def _escaped(self, index: int, loop: _Loop, escapes: Escapes | None) -> _Loop:
+        """With the escapes of the frame."""
+        if loop.coded.state.frame.verbatim is not None:
+            return loop
+        if escapes is not None:
+            escapes = in_gof_order(escapes, loop.members.rows)
+        return replace(loop, coded=with_escapes(loop.coded, index, escapes, self._plan.header))
+
+    def _intra(self, index: int, frame: _Input) -> _Loop:
+        cloud, planes = frame.cloud, frame.planes
         anchor, first = self._anchor(index), self._plan.anchors[index]
         tracked = is_tracked(anchor.cloud, cloud)
         placing = anchor.placing if tracked else Placing.of(cloud, planes, self._plan)
         order, grid = placing.order(planes[Attribute.POSITION], self._plan)
         permutation = self._permutation(order, anchor if tracked else None)
         if self._plan.options.intra == IntraKind.PLY:
-            state = state_of(cloud.take(order), self._plan.header.unit_exponents)
+            state = state_of(frame.original.take(order).as_float32(), self._plan.header.unit_exponents)
             coded = code_verbatim_frame(index, state, permutation, self._plan.gof_setup)
             return _Loop(coded, Members(order, None), wide_planes(state), cloud, planes, len(coded.data))
         names = None if placing.names is None else placing.names.take(order)
@@ -242,7 +276,8 @@ class SegmentEncoder:
     def _settled(self, first: int, anchor: _Anchor) -> AxisNames:
         """Axis names, in input order, of the first frame of a run: those that its I-frame gives them."""
         if first not in self._names:
-            self._intra(first, anchor.cloud, Targets(self._plan.header.unit_exponents).planes(anchor.cloud))
+            planes = Targets(self._plan.header.unit_exponents.from_origin).planes(anchor.cloud)
+            self._intra(first, _Input(anchor.cloud, anchor.cloud, planes, None, []))
         return self._names[first]
 
     def _permutation(self, order: Int64, anchor: _Anchor | None) -> Int64 | None:
@@ -259,18 +294,18 @@ class SegmentEncoder:
     def _anchor(self, index: int) -> _Anchor:
         first = self._plan.anchors[index]
         if first not in self._anchors:
-            cloud, _ = self._source.read(first)
-            planes = Targets(self._plan.header.unit_exponents).planes(cloud)
-            known = None if first else self._plan.first_light
+            cloud, _ = self._grids.split(self._source.read(first)[0])
+            planes = Targets(self._plan.header.unit_exponents.from_origin).planes(cloud)
+            known = self._plan.first_light if first == self._plan.first_frame else None
             placing = Placing.of(cloud, planes, self._plan, known)
             rank = np.empty(cloud.num_gaussians, np.int64)
             rank[placing.order(planes[Attribute.POSITION], self._plan)[0]] = np.arange(len(rank))
             self._anchors = {first: _Anchor(cloud, rank, placing)}
         return self._anchors[first]
 
-    def _record(self, segment: CodedSegment, index: int, loop: _Loop) -> None:
+    def _record(self, segment: CodedSegment, index: int, original: GaussianCloud, loop: _Loop) -> None:
         """Measure the frame's errors as a decoder will have it, against the input under its axis names."""
         frame, number = loop.coded, self._source.numbers[index]
         record = FrameRecord(number, frame.kind, loop.cloud.num_gaussians, len(frame.data))
-        errors = self._meter.measure(loop.cloud, loop.members, loop.target, frame.state.frame)
+        errors = self._meter.measure(original, loop.members, loop.target, frame.state.frame)
         segment.report.add_frame(record, errors)

@@ -167,12 +167,14 @@ def _pixels(positions: Float64, widths: Float64, targets: Int64) -> Float64:
 def image_errors(
     cloud: GaussianCloud, light: Float64, draw: Callable[[Int64], tuple[Splats, Mapping[Attribute, Splats]]]
 ) -> dict[Attribute, ImageError]:
-    """Errors of pixels, by attribute; none where nothing can be seen.
+    """Errors of pixels, by attribute; none where nothing can be seen, or numbers do not suffice.
 
     `light` (N,): the share of light that reaches each Gaussian. `draw` gives some of the Gaussians as they
     are, and by attribute as they are with that one quantised.
     """
 
+    # scales of +-80 and scenes of 1e-30 units leave the range of floats; such looks say nothing
+    @np.errstate(all="ignore")
     def of_patch(where: tuple[_Patch, Int64]) -> dict[Attribute, ImageError]:
         patch, rows = where
         splats, changed = draw(rows)
@@ -200,4 +202,6 @@ def image_errors(
         for errors in beside.map(of_patch, _patches(cloud, light)):
             for attribute, error in errors.items():
                 total[attribute] = total.get(attribute, ImageError(0.0)) + error
+    if not all(np.isfinite((error.smooth, error.swaps)).all() for error in total.values()):
+        return {}
     return {attribute: error.scaled(1.0 / _PATCHES) for attribute, error in total.items()}

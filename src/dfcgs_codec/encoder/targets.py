@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
+from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.codec.verbatim import grid_values
-from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 
 Int64 = npt.NDArray[np.int64]
@@ -34,17 +33,10 @@ class Targets:
 
     def __init__(self, units: UnitExponents) -> None:
         self._units = units
-        self._exponents = {
-            "positions": units.position,
-            "scales": units.scale,
-            "opacities": units.opacity,
-            "sh_dc": units.color,
-            "sh_rest": units.color,
-        }
         self._last: tuple[GaussianCloud, dict[str, Planes]] | None = None
 
     def planes(self, cloud: GaussianCloud) -> Planes:
-        """The planes of `cloud`; InputError for values that the grids cannot hold.
+        """The planes of `cloud`, whose values the grids hold.
 
         Arrays equal to those of the frame asked for before give the same planes, not copies.
         """
@@ -56,17 +48,4 @@ class Targets:
         values = getattr(cloud, field)
         if self._last is not None and np.array_equal(values, getattr(self._last[0], field)):
             return self._last[1][field]
-        if field in self._exponents:
-            _check_range(field, values, self._exponents[field])
         return grid_values(cloud, field, self._units)
-
-
-def _check_range(name: str, values: npt.NDArray[np.float32], exponent: int) -> None:
-    """Refuse what would be clipped."""
-    largest = float(np.abs(values).max()) if values.size else 0.0
-    limit = STATE_LIMIT * 2.0**exponent
-    if largest > limit:
-        raise InputError(
-            f"{name} reach {largest:g}, but the grid planned from the first frame ends at {limit:g}; "
-            "remove such Gaussians or choose coarser steps (a higher --qp or --bound)"
-        )

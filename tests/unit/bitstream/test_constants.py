@@ -16,11 +16,11 @@ from dfcgs_codec.bitstream.constants import (
 
 def test_magic_shows_damage_by_text_mode_and_seven_bit_transfers() -> None:
     assert MAGIC == b"\x89DGS\r\n\x1a\n"
-    assert BITSTREAM_VERSION == 10
+    assert BITSTREAM_VERSION == 11
 
 
-def test_only_encoder_info_may_be_skipped() -> None:
-    assert [t for t in ChunkType if t & ANCILLARY_BIT] == [ChunkType.ENCODER_INFO]
+def test_what_may_be_skipped() -> None:
+    assert [t for t in ChunkType if t & ANCILLARY_BIT] == [ChunkType.ENCODER_INFO, ChunkType.PLY_COMMENTS]
 
 
 def test_levels_grow() -> None:

@@ -389,7 +389,6 @@ GRADED = {"lengths": (0,) * 9}
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
-        ({"num_gaussians": 0}, CorruptBitstream, "num_gaussians is 0"),
         ({"num_gaussians": SMALL.limits.max_gaussians + 1}, LimitExceeded, "num_gaussians"),
         ({"steps": dict.fromkeys(coded_attributes(2), 0)}, CorruptBitstream, "step is 0"),
         ({"steps": dict.fromkeys(coded_attributes(2), STATE_LIMIT + 1)}, LimitExceeded, "step"),

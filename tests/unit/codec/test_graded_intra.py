@@ -30,7 +30,7 @@ def task(
     alternating: bool = True,
 ) -> tuple[GradedTarget, GradedShape]:
     """A cloud at medium quality, classes drawn at random."""
-    quantisation = plan_quantisation(28, (), cloud, 100.0)
+    quantisation = plan_quantisation(28, (), cloud)
     planes = {a: p.wide() for a, p in state_of(cloud, quantisation.units).planes.items()}
     planes = choose_axis_names(planes).rename(planes)
     count = cloud.num_gaussians
@@ -167,7 +167,7 @@ def test_thin_axes_out_of_range_are_refused() -> None:
 
 def test_bounded_scales_are_not_companded() -> None:
     cloud = real_cloud(300)
-    quantisation = plan_quantisation(28, (Bound("scale", 0.01),), cloud, 100.0)
+    quantisation = plan_quantisation(28, (Bound("scale", 0.01),), cloud)
     planes = {a: p.wide() for a, p in state_of(cloud, quantisation.units).planes.items()}
     assert GradedPlan.of(planes, np.zeros(300), quantisation).grading.thin_octaves == 0
 

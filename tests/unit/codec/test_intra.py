@@ -24,7 +24,7 @@ from tests.helpers import clustered_cloud, make_cloud, real_cloud
 
 def symbols_of(cloud: GaussianCloud, *, permuted: bool = False) -> tuple[IntraSymbols, IntraShape]:
     """Symbols of a cloud at medium quality."""
-    quantisation = plan_quantisation(28, (), cloud, 100.0)
+    quantisation = plan_quantisation(28, (), cloud)
     planes = {a: p.wide() for a, p in state_of(cloud, quantisation.units).planes.items()}
     indices = round_divide(planes[Attribute.POSITION], quantisation.steps[Attribute.POSITION])
     grid = plan_grid(indices)

@@ -21,7 +21,6 @@ from dfcgs_codec.codec.verbatim import (
     state_of,
 )
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
-from dfcgs_codec.errors import CorruptBitstream
 from tests.helpers import check_walk, make_cloud, real_cloud, same_cloud
 
 UNITS = UnitExponents(-12, -12, -12, -12)
@@ -94,12 +93,26 @@ def test_columns_and_cloud_are_inverse(degree: int) -> None:
     assert same_cloud(cloud_of_columns(columns), cloud)
 
 
-@pytest.mark.parametrize(("column", "value"), [(0, np.nan), (1, np.inf), (3, -np.inf), (5, np.nan), (2, 0.0)])
-def test_values_without_a_place_on_the_grid_are_corrupt(column: int, value: float) -> None:
+@pytest.mark.parametrize(
+    ("column", "value", "expected"),
+    [
+        (0, np.nan, [0, 0, 0]),
+        (1, np.inf, [STATE_LIMIT] * 3),
+        (1, -1e38, [-STATE_LIMIT] * 3),
+        (5, np.nan, [0] * 9),
+        (2, 0.0, [1 << 24, 0, 0, 0]),
+        (2, np.inf, [1 << 24, 0, 0, 0]),
+    ],
+)
+def test_values_without_a_place_on_the_grid_have_a_state(
+    column: int, value: float, expected: list[int]
+) -> None:
     columns = [values.copy() for values in verbatim_columns(make_cloud(6, 1))]
     columns[column][4] = value
-    with pytest.raises(CorruptBitstream, match="verbatim"):
-        cloud_of_columns(columns)
+    state = state_of(cloud_of_columns(columns), UNITS)
+    assert list(state.planes.values())[column].values[4].tolist() == expected
+    assert state.verbatim is not None
+    assert verbatim_columns(state.verbatim)[column][4].tobytes() == columns[column][4].tobytes()
 
 
 def test_the_state_is_the_frame_on_the_grids() -> None:

@@ -43,7 +43,7 @@ def ball(alpha: float = 0.7, ratio: float = 3.0, count: int = COUNT) -> Gaussian
 
 
 def quantised(cloud: GaussianCloud, coarser: float = 1.0) -> Quantised:
-    plan = plan_quantisation(24, (), cloud, 2.0)
+    plan = plan_quantisation(24, (), cloud)
     steps = {
         a: np.full((cloud.num_gaussians, 1), coarser * step)
         for a, step in plan.steps.items()

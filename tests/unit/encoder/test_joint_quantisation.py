@@ -59,7 +59,7 @@ def test_what_is_opaque_hardly_changes() -> None:
 def test_bounded_opacities_are_left_alone() -> None:
     cloud = real_cloud(300)
     for bounds in ((), (Bound("alpha", 0.05),)):
-        quantisation = plan_quantisation(28, bounds, cloud, 100.0)
+        quantisation = plan_quantisation(28, bounds, cloud)
         found = Targets(quantisation.units).planes(cloud)
         plan = GradedPlan.of(found, np.zeros(300), quantisation)
         target = plan.target(found, np.arange(300), quantisation, 0.5)

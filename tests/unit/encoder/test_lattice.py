@@ -25,7 +25,7 @@ def quantised(cloud: GaussianCloud) -> GaussianCloud:
 def found_in(
     frames: list[GaussianCloud], qp: float = 18, bounds: tuple[Bound, ...] = ()
 ) -> frozenset[Attribute]:
-    quantisation = plan_quantisation(qp, bounds, frames[0], 10.0)
+    quantisation = plan_quantisation(qp, bounds, frames[0])
     return keep_exactly(quantisation, MemorySource(frames), frames[0]).exact
 
 

@@ -1,0 +1,116 @@
+"""The grid of positions: as fine as the step wants, around the scene wherever that is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import MAX_ORIGIN
+from dfcgs_codec.errors import InputError
+
+Floats = npt.NDArray[np.floating]
+Float64 = npt.NDArray[np.float64]
+
+#: log2 of the grid units to a step, so that the grid's own rounding hardly counts
+UNITS_PER_STEP_LOG2 = 6
+#: what room to grow must leave of them
+_FEWEST_UNITS_LOG2 = 5
+#: and what a scene that reaches far leaves of them; beyond, Gaussians are escapes as long as these are few
+_FEWEST_UNITS_FAR_LOG2 = 3
+FINEST_EXPONENT = -60
+_COARSEST_EXPONENT = 40
+#: log2 of the units that a grid reaches, half its range, so that motion does not leave it at once
+_REACH_LOG2 = 28
+#: later frames may reach 16 times as far as the first
+_ROOM_TO_GROW_LOG2 = 4
+_MAX_REACH_LOG2 = 80
+#: log2 of the units that a scene spans at least
+_SMALLEST_LOG2 = 10
+#: Gaussians that may be escapes: some, and one in so many, but never more than a tenth
+_FEW, _ONE_IN, _TENTH = 8, 1000, 10
+
+
+@dataclass(frozen=True)
+class PositionGrid:
+    """log2 of the unit, the origin in units, and what is to be said of it."""
+
+    exponent: int
+    origin: tuple[int, int, int] = (0, 0, 0)
+    notes: tuple[str, ...] = ()
+
+
+def _num_few(count: int) -> int:
+    return min(_FEW + count // _ONE_IN, count // _TENTH)
+
+
+def _reach(distances: Float64) -> float:
+    """The largest of `distances` (N,) but for a few."""
+    few = _num_few(len(distances))
+    return float(np.partition(distances, len(distances) - 1 - few)[len(distances) - 1 - few])
+
+
+def plan_position_grid(positions: Floats, step: float) -> PositionGrid:
+    """A grid for finite `positions` (N, 3), N > 0, that holds them but for a few, with units below `step`.
+
+    It begins at the scene's own zero, or in the middle of the scene where that is far away. InputError for
+    scenes beyond what exponents can say.
+    """
+    wide = positions.astype(np.float64)
+    largest = float(np.abs(wide).max())
+    if 0.0 < largest < 2.0 ** (FINEST_EXPONENT + _SMALLEST_LOG2):
+        raise InputError(
+            f"positions reach {largest:g} scene units at most, and the finest unit is 2**{FINEST_EXPONENT}: "
+            "multiply positions, and add the logarithm of the factor to log-scales, before the export"
+        )
+    centre = np.median(wide, axis=0)
+    from_zero, from_centre = (np.abs(wide - point).max(axis=1) for point in (np.zeros(3), centre))
+    fits = math.floor(math.log2(step)) - _FEWEST_UNITS_LOG2 + _REACH_LOG2
+    if largest <= 2.0 ** min(fits, _MAX_REACH_LOG2):
+        return PositionGrid(_exponent(step, largest))
+    for bits in (_FEWEST_UNITS_LOG2, _FEWEST_UNITS_FAR_LOG2):
+        exponent = max(FINEST_EXPONENT, min(_COARSEST_EXPONENT, math.floor(math.log2(step)) - bits))
+        for origin, distances in ((np.zeros(3), from_zero), (centre, from_centre)):
+            if _reach(distances) <= 2.0 ** (exponent + _REACH_LOG2):
+                return _around(origin, max(exponent, _exponent(step, _reach(distances))))
+    near = min(((np.zeros(3), from_zero), (centre, from_centre)), key=lambda pair: _reach(pair[1]))
+    return _coarse(near[0], _reach(near[1]), step)
+
+
+def _suited(step: float) -> int:
+    return max(FINEST_EXPONENT, min(_COARSEST_EXPONENT, math.floor(math.log2(step)) - UNITS_PER_STEP_LOG2))
+
+
+def _holding(reach: float) -> int:
+    return math.ceil(math.log2(max(reach, 2.0**FINEST_EXPONENT))) - _REACH_LOG2
+
+
+def _exponent(step: float, reach: float) -> int:
+    """Many units to a step, as far as the grid still holds `reach`, and if it can some times more."""
+    # room to grow is never bought with precision
+    roomy = min(_holding(reach) + _ROOM_TO_GROW_LOG2, math.floor(math.log2(step)) - _FEWEST_UNITS_LOG2)
+    return max(_holding(reach), min(roomy, _COARSEST_EXPONENT), _suited(step))
+
+
+def _around(centre: Float64, exponent: int) -> PositionGrid:
+    """The origin is whole in scene units: values that another tool has quantised stay on their lattices."""
+    largest = float(np.abs(centre).max())
+    if largest:
+        exponent = max(exponent, math.ceil(math.log2(largest)) - MAX_ORIGIN.bit_length() + 1)
+    x, y, z = (round(round(value) / 2.0**exponent) for value in centre.tolist())
+    return PositionGrid(exponent, (x, y, z))
+
+
+def _coarse(centre: Float64, reach: float, step: float) -> PositionGrid:
+    if not max(reach, float(np.abs(centre).max())) < 2.0**_MAX_REACH_LOG2:
+        raise InputError(
+            f"positions reach {reach:g} scene units; scenes up to 2**{_MAX_REACH_LOG2} can be coded"
+        )
+    grid = _around(centre, _holding(reach))
+    note = (
+        f"the scene reaches {reach:g} units and its Gaussians are so small that positions want steps of "
+        f"{step:g}: these grow to {2.0**grid.exponent:g} for all; a crop to what is looked at keeps it sharp"
+    )
+    return PositionGrid(grid.exponent, grid.origin, (note,) if 2.0**grid.exponent > step else ())
