@@ -23,7 +23,7 @@ from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import replace_when_whole
 from dfcgs_codec.model.registry import installed
-from dfcgs_codec.sequence import FrameSource
+from dfcgs_codec.sequence import FrameSource, notes_of, sequence_sh_degree
 
 #: called with (frames done, frames in all)
 Progress = Callable[[int, int], None]
@@ -63,7 +63,7 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     header = SequenceHeader(
         profile=options.profile,
         level=_level(max(counts), len(counts)),
-        sh_degree=headers[0].sh_degree,
+        sh_degree=sequence_sh_degree(headers),
         output_order=options.order,
         frame_rate=(options.frame_rate.numerator, options.frame_rate.denominator),
         frame_numbers=FrameNumbers.of(source.numbers),
@@ -102,7 +102,7 @@ def _coded_segments(
 def _write(
     file: BinaryIO, source: FrameSource, plan: SequencePlan, progress: Progress | None
 ) -> EncodeReport:
-    report = EncodeReport(notes=list(plan.quantisation.notes))
+    report = EncodeReport(notes=[*notes_of(source), *plan.quantisation.notes])
     writer = ContainerWriter(file, plan.header)
     writer.chunk(ChunkType.ENCODER_INFO, 0, plan.options.describe().encode())
     done = 0
