@@ -61,8 +61,8 @@ def padding_notes(names: list[str], headers: list[PlyHeader]) -> list[str]:
     if not lower:
         return []
     return [
-        f"{len(lower)} of {len(names)} frames have a lower SH degree than {degree} (first {lower[0][0]}: "
-        f"{lower[0][1]}); the coefficients that they lack are zero"
+        f"SH degree {degree}, but lower in {len(lower)} of {len(names)} frames (first {lower[0][0]}: "
+        f"{lower[0][1]}); the coefficients that these lack are zero"
     ]
 
 

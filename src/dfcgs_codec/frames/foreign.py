@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 
-_CONVERT = "'splat-transform {name} {stem}.ply' (npm package @playcanvas/splat-transform) makes a PLY of each"
-_EXPORT = "let the trainer that wrote it save its Gaussians as PLY"
-_UNPACK = "unpack it and name the folder of its PLYs"
+_CONVERT = "splat-transform {name} {stem}.ply (npm package @playcanvas/splat-transform) makes a PLY of it"
+_EXPORT = "let the trainer that wrote it save the Gaussians as PLY"
+_UNPACK = "unpack it first and name the folder of its PLYs"
 
 #: ending -> what it is, what to do
 _KINDS = {
-    ".splat": ("splats of antimatter15's viewer", _CONVERT),
-    ".ksplat": ("splats of mkkellogg's viewer", _CONVERT),
-    ".spz": ("Niantic's compressed splats", _CONVERT),
-    ".sog": ("PlayCanvas' compressed splats", _CONVERT),
+    ".splat": ("splats in the format of antimatter15's viewer", _CONVERT),
+    ".ksplat": ("splats in the format of mkkellogg's viewer", _CONVERT),
+    ".spz": ("splats in Niantic's compressed format", _CONVERT),
+    ".sog": ("splats in PlayCanvas' compressed format", _CONVERT),
     ".npz": ("numpy arrays", _EXPORT),
     ".npy": ("a numpy array", _EXPORT),
     ".pth": ("a training checkpoint", _EXPORT),
     ".pt": ("a training checkpoint", _EXPORT),
     ".ckpt": ("a training checkpoint", _EXPORT),
-    ".zip": ("an archive", _UNPACK),
+    ".zip": ("an archive", "unzip it first: unzip {name} -d frames, then dfcgs encode frames out.dgs"),
     ".tar": ("an archive", _UNPACK),
     ".tgz": ("an archive", _UNPACK),
-    ".gz": ("compressed", _UNPACK),
-    ".xz": ("compressed", _UNPACK),
-    ".zst": ("compressed", _UNPACK),
+    ".gz": ("a compressed file", _UNPACK),
+    ".xz": ("a compressed file", _UNPACK),
+    ".zst": ("a compressed file", _UNPACK),
     ".7z": ("an archive", _UNPACK),
     ".rar": ("an archive", _UNPACK),
 }
@@ -38,11 +39,12 @@ def _ending(name: str) -> str:
 
 
 def describe(name: str) -> str | None:
-    """What a file of this name is and which command makes a PLY of it; None if its ending says nothing."""
+    """What a file of this name (or path) is and which command makes a PLY of it, or None."""
     kind = _KINDS.get(_ending(name))
     if kind is None:
         return None
-    return f"{kind[0]}; {kind[1].format(name=name, stem=name.rpartition('.')[0])}"
+    stem = shlex.quote(name.rpartition(".")[0])
+    return f"{kind[0]}; {kind[1].format(name=shlex.quote(name), stem=stem)}"
 
 
 def like_frames(names: Iterable[str]) -> list[str]:
@@ -63,6 +65,6 @@ def first_described(names: Iterable[str]) -> str | None:
         what = describe(name)
         if what is not None:
             count = sum(_ending(other) == _ending(name) for other in shown)
-            more = f" (and {count - 1} more like it)" if count > 1 else ""
-            return f"{name}{more} is {what}"
+            more = f" (and {count - 1} more {_ending(name)})" if count > 1 else ""
+            return f"{name}{more}: {what}"
     return None

@@ -115,7 +115,8 @@ def order_of(names: list[str], order_by: str = BY_NUMBER, *, allow_gaps: bool = 
 
     `order_by`: "number", "name", or a part of the names with {} in place of the number that counts.
     InputError for names that are not built alike, for no number or several that tell them apart, for
-    missing numbers (unless `allow_gaps`; decimal numbers and time stamps may have gaps) and numbers of 2^63 and above.
+    missing numbers (unless `allow_gaps`; decimal numbers and time stamps may have gaps) and numbers of 2^63
+    and above.
     """
     if order_by == BY_NAME:
         return _by_name(names)

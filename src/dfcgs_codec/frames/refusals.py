@@ -57,7 +57,9 @@ def repeated(found: list[Column], names: list[Name]) -> InputError:
             f"{first} and {second} have the same frame number; take one of them away, or choose frames with "
             "--pattern"
         )
-    globs = [g for column in reversed(varying) if (g := _one_value(column, names)) is not None]
+    # those first that take most files
+    fixed = sorted(varying, key=lambda column: len(set(column.values)))
+    globs = [g for column in fixed if (g := _one_value(column, names)) is not None]
     choice = f"such as {' or '.join(globs[:2])}" if globs else "so that one varies"
     return InputError(
         f"{first} and {second} have the same frame number: {len(varying)} numbers in the names vary and each "
@@ -100,22 +102,23 @@ def check_doubts(column: Column, found: list[Column], names: list[Name]) -> None
     if column.doubt:
         raise InputError(
             f"'.{column.doubt}' in the names: {some(list(column.texts))} are decimal numbers, or two numbers "
-            "each; write decimals with equally many digits (0.05, 0.10), or separate numbers by '_'"
+            "each; write decimals with equally many digits (0.05, 0.10), or --order-by name takes two numbers"
         )
     if column.is_gapless:
         return
-    way = order_by_for(names, column) or "...{}..."
+    way = order_by_for(names, column)
     if column.is_unevenly_padded and not column.is_decimal:
         raise InputError(
             f"the numbers {some(sorted(column.texts, key=len))} have gaps and are padded with zeros "
-            f"unevenly: decimals are written like 0.05; --order-by {way} takes them as whole numbers"
+            f"unevenly: decimals are written like 0.05; --order-by {way or 'with {}'} takes whole numbers"
         )
     varying = [c for c in found if len(set(c.values)) > 1]
     natural = sorted(range(len(names)), key=lambda i: [c.values[i] for c in varying])
     if natural != sorted(range(len(names)), key=lambda i: column.values[i]):
         other = next(c for c in varying if c.values != column.values)
+        alone = f", --order-by {way} {column.texts[0]} alone" if way else ""
         raise InputError(
             f"two numbers in the names disagree on the order: {column.texts[0]} and {other.texts[0]} in "
-            f"{names[0].text}, {column.texts[-1]} and {other.texts[-1]} in {names[-1].text}; --order-by "
-            f"{way} takes the first of them, --order-by name all"
+            f"{names[0].text}, {column.texts[-1]} and {other.texts[-1]} in {names[-1].text}; --order-by name "
+            f"takes all numbers from left to right{alone}"
         )

@@ -14,7 +14,7 @@ from dfcgs_codec.frames.foreign import describe
 from dfcgs_codec.frames.listing import check_is_file
 
 _DGS_ENDING = ".dgs"
-_LISTS = (".txt", ".csv", ".lst", ".list", ".json")
+_LISTS = (".txt", ".csv", ".lst", ".list")
 
 
 def _is_ply(path: Path) -> bool:
@@ -23,17 +23,19 @@ def _is_ply(path: Path) -> bool:
 
 def check_arguments(frames: Sequence[str], output: str) -> None:
     """InputError where OUTPUT is one of the frames, or the two are swapped."""
-    quoted = shlex.quote(output)
     if Path(output).name.lower().endswith(".ply"):
         raise InputError(
             f"{output}: the last argument is the file to write, and a PLY is none; end with its name, "
             "such as out.dgs"
         )
     first = frames[0]
-    if len(frames) == 1 and Path(first).suffix.lower() == _DGS_ENDING and Path(output).is_dir():
+    is_other = Path(first).suffix.lower() == _DGS_ENDING or not (
+        os.path.lexists(first) or glob.has_magic(first)
+    )
+    if len(frames) == 1 and is_other and Path(output).is_dir() and not Path(first).is_dir():
         raise InputError(
-            f"{first} is not a folder of frames, but {output} is a folder: frames come first, "
-            f"dfcgs encode {quoted} {shlex.quote(first)}"
+            f"{first} is not a folder of frames, but {output} is a folder: frames come first, dfcgs encode "
+            f"{shlex.quote(output)} {shlex.quote(first)}"
         )
 
 
@@ -56,7 +58,7 @@ def _not_frames(path: Path) -> InputError:
         return InputError(
             f"{path} is encoded already; 'dfcgs decode {shlex.quote(str(path))} FOLDER' decodes it"
         )
-    what = describe(path.name)
+    what = describe(str(path))
     if what is not None:
         return InputError(f"{path}: {what}")
     if path.suffix.lower() in _LISTS:
@@ -77,7 +79,7 @@ def _starts_like_ply(path: Path) -> bool:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-def _check_one(path: Path) -> bool:
+def _check_one(path: Path, *, alone: bool) -> bool:
     """Whether `path` is a folder; InputError for all but folders and PLYs."""
     try:
         mode = path.stat().st_mode
@@ -87,16 +89,22 @@ def _check_one(path: Path) -> bool:
     if stat.S_ISDIR(mode):
         return True
     if not stat.S_ISREG(mode):
-        raise InputError(f"{path} is a pipe or device; frames are read from a folder of PLY files")
+        raise InputError(f"{path} is a pipe or a device; frames are read from a folder of PLY files")
     if not _is_ply(path) and not _starts_like_ply(path):
-        raise _not_frames(path)
+        if alone:
+            raise _not_frames(path)
+        raise InputError(
+            f"{path} is no PLY; name the folder, whose PLYs are taken: dfcgs encode "
+            f"{shlex.quote(str(path.parent))} out.dgs"
+        )
     return False
 
 
 def _refuse_folders(folders: list[Path], files: list[Path]) -> InputError:
     if files:
         return InputError(
-            f"{folders[0]} is a folder and {files[0]} a file; name one folder of frames, or PLY files alone"
+            f"{folders[0]} is a folder and {files[0]} a file; name one folder, whose PLYs are taken, or PLY "
+            "files alone"
         )
     parents = {str(path.parent) for path in folders}
     parent = parents.pop() if len(parents) == 1 else "PARENT"
@@ -114,10 +122,12 @@ def typed_frames(arguments: Sequence[str | Path]) -> Path | list[Path]:
     """
     paths: list[Path] = []
     for argument in map(str, arguments):
+        if not argument:
+            raise InputError("the name of the frames' folder is empty; is a variable of the shell not set?")
         if argument == "-":
             raise InputError("-: frames cannot be read from a pipe; name a folder of PLY files")
         paths += _expanded(argument)
-    folders = [path for path in paths if _check_one(path)]
+    folders = [path for path in paths if _check_one(path, alone=len(paths) == 1)]
     if len(paths) == 1 and folders:
         return folders[0]
     if folders:
