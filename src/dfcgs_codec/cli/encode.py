@@ -28,6 +28,7 @@ _EPILOG = """
 \b
 Examples:
   dfcgs encode frames/ out.dgs
+  dfcgs encode frames/*.ply out.dgs
   dfcgs encode frames/ out.dgs --quality high --gof-size 30
   dfcgs encode frames/ out.dgs --bound position=0.001 --bound rotation=0.5
   dfcgs encode scene/ out.dgs --pattern 'frame_*/point_cloud/iteration_7000/point_cloud.ply'
@@ -265,7 +266,8 @@ def _summary(report: EncodeReport, target: Path) -> str:
     "--pattern",
     default=DEFAULT_PATTERN,
     show_default=True,
-    help="Which files are frames; may contain folders.",
+    help="Which files of the folder are frames; may contain folders. By default PLYs in any case and, where "
+    "the folder has none, those of trainers' trees.",
 )
 @click.option(
     "--order-by",
