@@ -79,6 +79,11 @@ FOLDERS = {
         [_TREE.format(1, 5), _TREE.format(2, 5)],
         ["frame000003"],
     ),
+    "all but one that are not done": (
+        [_TREE.format(1, 5), "frame000002/cfg_args"],
+        [_TREE.format(1, 5)],
+        ["1 file of its subfolders", "no PLY in it: frame000002"],
+    ),
     "input.ply in every frame": (
         [name for t in (1, 2) for name in (f"f_{t}/input.ply", f"f_{t}/point_cloud/iteration_9/p.ply")],
         [f"f_{t}/point_cloud/iteration_9/p.ply" for t in (1, 2)],

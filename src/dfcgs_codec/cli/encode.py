@@ -131,7 +131,7 @@ def _summary(report: EncodeReport, target: Path) -> str:
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("frames", nargs=-1)
+@click.argument("frames", nargs=-1, metavar="FRAMES...")
 @click.argument("output", type=click.Path(path_type=Path))
 @click.option("--quality", type=click.Choice(list(QUALITIES)), default="medium", show_default=True)
 @click.option(

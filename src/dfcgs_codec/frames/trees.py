@@ -124,9 +124,8 @@ def _missing(folder: Path, names: list[str]) -> list[str]:
     missing: list[str] = []
     for depth in range(max(name.count("/") for name in names)):
         used = {tuple(name.split("/")[: depth + 1]) for name in names if name.count("/") > depth}
-        if any(ITERATION.fullmatch(path[-1]) for path in used) or len({path[-1] for path in used}) < 2:
-            continue
-        shapes = {parse(path[-1]).shape(decimals=True) for path in used}
+        numbered = [parse(path[-1]) for path in used if not ITERATION.fullmatch(path[-1])]
+        shapes = {name.shape(decimals=True) for name in numbered if name.tokens}
         for parent in sorted({path[:-1] for path in used}):
             missing += [
                 "/".join((*parent, entry.name))
