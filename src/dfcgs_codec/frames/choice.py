@@ -41,7 +41,7 @@ def _nothing(folder: Path, pattern: str, listing: Listing, names: list[str]) -> 
     return InputError(f"{folder}: no file matches '{pattern}'; {reason}")
 
 
-def _without_point_clouds(folder: Path, names: list[str]) -> Chosen:
+def _without_point_clouds(names: list[str]) -> Chosen:
     """Without 'input.ply', where there are other frames."""
     others = [name for name in names if not is_point_cloud(name)]
     if others and len(others) < len(names):
@@ -50,7 +50,7 @@ def _without_point_clouds(folder: Path, names: list[str]) -> Chosen:
     return Chosen(names, [])
 
 
-def _by_default(folder: Path, listing: Listing, beside: list[str]) -> Chosen | None:
+def _by_default(folder: Path, listing: Listing) -> Chosen | None:
     """PLYs in the folder itself or, where there is none, in its subfolders."""
     if all(is_point_cloud(name) for name in listing.names):
         tree = find(folder)
@@ -59,7 +59,7 @@ def _by_default(folder: Path, listing: Listing, beside: list[str]) -> Chosen | N
             return Chosen(tree.names, [*tree.notes, *clouds])
     if not listing.names:
         return None
-    found = _without_point_clouds(folder, listing.names)
+    found = _without_point_clouds(listing.names)
     tree_below = walk(folder, most=_LOOKED_INTO)
     notes = _left_out(tree_below.names, "PLY file", "in subfolders (--pattern takes them)")
     return Chosen(found.names, [*found.notes, *notes])
@@ -77,7 +77,7 @@ def frames_in(folder: Path, pattern: str) -> Chosen:
     beside = [entry.name for entry in entries(folder)]
     found: Chosen | None
     if pattern == DEFAULT_PATTERN:
-        found = _by_default(folder, listing, beside)
+        found = _by_default(folder, listing)
     else:
         found = latest(listing.names)
         if len(found.names) < 2:
