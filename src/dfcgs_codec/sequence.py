@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import itertools
-import re
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.frames.choice import DEFAULT_PATTERN, frames_in, frames_named
+from dfcgs_codec.frames.order import BY_NUMBER, order_of
+from dfcgs_codec.frames.trees import Chosen
+from dfcgs_codec.frames.typed import typed_frames
+from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.ply import InputPolicy, PlyHeader, peek_header, read_ply
 
-DEFAULT_PATTERN = "*.ply"
-_MAX_NUMBER = (1 << 32) - 1
-_NUMBER = re.compile(r"\d+")
+__all__ = ["DEFAULT_PATTERN", "FolderSource", "FrameSource", "MemorySource", "open_folder", "open_frames"]
 
 
 class FrameSource(Protocol):
@@ -33,8 +34,36 @@ class FrameSource(Protocol):
         ...
 
     def read(self, index: int) -> tuple[GaussianCloud, list[str]]:
-        """Frame `index` (0 is the first) and notes about repairs."""
+        """Frame `index` (0 is the first), of the sequence's SH degree, and notes about repairs."""
         ...
+
+
+def notes_of(source: FrameSource) -> list[str]:
+    """What is to be said of all frames together: `source.notes`, which a source need not have."""
+    return list(getattr(source, "notes", []))
+
+
+def sequence_sh_degree(headers: Iterable[PlyHeader]) -> int:
+    """The largest SH degree of the frames: coefficients that others lack are zero."""
+    return max(header.sh_degree for header in headers)
+
+
+def with_sh_degree(cloud: GaussianCloud, sh_degree: int) -> GaussianCloud:
+    """The frame with zeros for the coefficients that it lacks of `sh_degree`."""
+    missing = SH_REST_COEFFICIENTS[sh_degree] - cloud.sh_rest.shape[2]
+    return replace(cloud, sh_rest=np.pad(cloud.sh_rest, ((0, 0), (0, 0), (0, missing)))) if missing else cloud
+
+
+def padding_notes(names: list[str], headers: list[PlyHeader]) -> list[str]:
+    """Which frames lack coefficients of the sequence's SH degree."""
+    degree = max((header.sh_degree for header in headers), default=0)
+    lower = [(n, h.sh_degree) for n, h in zip(names, headers, strict=True) if h.sh_degree < degree]
+    if not lower:
+        return []
+    return [
+        f"SH degree {degree}, but lower in {len(lower)} of {len(names)} frames (first {lower[0][0]}: "
+        f"{lower[0][1]}); the coefficients that these lack are zero"
+    ]
 
 
 def _check_values(frame: GaussianCloud, index: int) -> None:
@@ -60,8 +89,6 @@ class MemorySource:
                 raise InputError(f"frame {index}: a {type(frame).__name__}, expected a GaussianCloud")
             if not self.keep_bits:
                 _check_values(frame, index)
-        if len({frame.sh_degree for frame in self.frames}) > 1:
-            raise InputError("frames of different SH degree; a sequence has one SH degree")
 
     @property
     def numbers(self) -> list[int]:
@@ -73,54 +100,37 @@ class MemorySource:
         """See FrameSource."""
         return [PlyHeader(frame.num_gaussians, frame.sh_degree) for frame in self.frames]
 
+    @property
+    def notes(self) -> list[str]:
+        """What is to be said of the frames."""
+        return padding_notes([f"frame {index}" for index in range(len(self.frames))], self.headers)
+
     def read(self, index: int) -> tuple[GaussianCloud, list[str]]:
         """See FrameSource."""
-        return self.frames[index], []
+        return with_sh_degree(self.frames[index], sequence_sh_degree(self.headers)), []
 
 
 @dataclass(frozen=True)
 class FolderSource:
-    """PLY files, read when asked for."""
+    """PLY files, read when asked for; `notes`: what is to be said of their choice and order."""
 
     paths: list[Path]
     numbers: list[int]
     headers: list[PlyHeader]
     policy: InputPolicy
+    notes: list[str] = field(default_factory=list)
 
     def read(self, index: int) -> tuple[GaussianCloud, list[str]]:
-        """See FrameSource."""
-        return read_ply(self.paths[index], self.policy)
-
-
-def _frame_numbers(paths: list[Path], folder: Path) -> list[int]:
-    """The number in each path that tells the frames apart: the only group of digits that varies."""
-    groups = [[int(g) for g in _NUMBER.findall(str(path.relative_to(folder)))] for path in paths]
-    if len(paths) == 1:
-        return [groups[0][-1] if groups[0] else 0]
-    if len({len(g) for g in groups}) != 1 or not groups[0]:
-        raise InputError(
-            f"{folder}: file names do not share one numbering ({paths[0].name}, {paths[-1].name}); "
-            "name frames like frame_0000.ply or choose them with --pattern"
-        )
-    varying = [i for i, column in enumerate(zip(*groups, strict=True)) if len(set(column)) == len(paths)]
-    if not varying:
-        raise InputError(f"{folder}: two files have the same frame number; choose frames with --pattern")
-    return [g[varying[0]] for g in groups]
-
-
-def _check_numbers(paths: list[Path], numbers: list[int]) -> None:
-    if numbers[-1] > _MAX_NUMBER:
-        raise InputError(f"{paths[-1]}: frame number {numbers[-1]} is above {_MAX_NUMBER}; rename the frames")
-
-
-def _check_gaps(paths: list[Path], numbers: list[int], folder: Path) -> None:
-    for before, after in itertools.pairwise(numbers):
-        if after != before + 1:
+        """See FrameSource; InputError for a file that is not what its header said when it was opened."""
+        cloud, notes = read_ply(self.paths[index], self.policy)
+        planned = self.headers[index]
+        if (cloud.num_gaussians, cloud.sh_degree) != (planned.num_gaussians, planned.sh_degree):
             raise InputError(
-                f"{folder}: frames {before + 1} to {after - 1} are missing "
-                f"(after {paths[numbers.index(before)].name}); "
-                "--allow-gaps encodes the others and keeps their numbers"
+                f"{self.paths[index]}: {cloud.num_gaussians} Gaussians of SH degree {cloud.sh_degree}, but "
+                f"{planned.num_gaussians} of SH degree {planned.sh_degree} when the encode began: the file "
+                "was changed meanwhile; encode again when it is finished"
             )
+        return with_sh_degree(cloud, sequence_sh_degree(self.headers)), notes
 
 
 def open_folder(
@@ -128,32 +138,55 @@ def open_folder(
     pattern: str = DEFAULT_PATTERN,
     *,
     allow_gaps: bool = False,
+    order_by: str = BY_NUMBER,
     policy: InputPolicy | None = None,
 ) -> FolderSource:
     """Frames of `folder` that match `pattern` (a glob, may contain '/'), in the order of their numbers.
 
-    InputError for no frames, doubtful or missing numbers (unless `allow_gaps`), and mixed SH degrees.
+    By default PLYs in the folder or, where it has none, those that trainers leave in its subfolders.
+    `order_by`: see `frames.order.order_of`. InputError for no frames, for doubtful or missing numbers (unless
+    `allow_gaps`), and for any frame whose header is refused.
     """
-    if not folder.is_dir():
-        raise InputError(f"{folder}: not a folder; expected one PLY file per frame in it")
+    found = frames_in(Path(folder), pattern)
+    return _opened(Path(folder), found, order_by, allow_gaps, policy)
+
+
+def open_frames(
+    arguments: Sequence[str | Path],
+    pattern: str = DEFAULT_PATTERN,
+    *,
+    allow_gaps: bool = False,
+    order_by: str = BY_NUMBER,
+    policy: InputPolicy | None = None,
+) -> FolderSource:
+    """What `open_folder` gives, of a folder, of PLY files, or of globs of them.
+
+    InputError also for anything else that people name for frames, with what to name instead.
+    """
+    typed = typed_frames(arguments)
+    if isinstance(typed, Path):
+        return open_folder(typed, pattern, allow_gaps=allow_gaps, order_by=order_by, policy=policy)
+    if pattern != DEFAULT_PATTERN:
+        raise InputError(f"--pattern {pattern!r} chooses files of a folder, but {typed[0]} is a file")
+    folder, found = frames_named(typed)
+    return _opened(folder, found, order_by, allow_gaps, policy)
+
+
+def _opened(
+    folder: Path, found: Chosen, order_by: str, allow_gaps: bool, policy: InputPolicy | None
+) -> FolderSource:
     try:
-        found = sorted(path for path in folder.glob(pattern) if path.is_file())
-    except (ValueError, NotImplementedError) as error:
-        raise InputError(
-            f"{folder}: --pattern {pattern!r}: {error}; it is a relative glob such as '*.ply'"
-        ) from None
-    if not found:
-        raise InputError(f"{folder}: no file matches '{pattern}'; --pattern chooses other names")
-    order = sorted(zip(_frame_numbers(found, folder), found, strict=True))
-    numbers, paths = [n for n, _ in order], [p for _, p in order]
-    _check_numbers(paths, numbers)
-    if not allow_gaps:
-        _check_gaps(paths, numbers, folder)
-    headers = [peek_header(path) for path in paths]
-    for path, header in zip(paths, headers, strict=True):
-        if header.sh_degree != headers[0].sh_degree:
-            raise InputError(
-                f"{path}: SH degree {header.sh_degree}, but {paths[0].name} has {headers[0].sh_degree}; "
-                "a sequence has one SH degree"
-            )
-    return FolderSource(paths, numbers, headers, policy or InputPolicy())
+        order = order_of(found.names, order_by, allow_gaps=allow_gaps)
+    except InputError as error:
+        raise InputError(f"{folder}: {error}") from None
+    paths = [folder / found.names[index] for index in order.index]
+    headers = [_header(path) for path in paths]
+    notes = [*found.notes, *order.notes, *padding_notes([path.name for path in paths], headers)]
+    return FolderSource(paths, order.numbers, headers, policy or InputPolicy(), notes)
+
+
+def _header(path: Path) -> PlyHeader:
+    try:
+        return peek_header(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None

@@ -549,9 +549,13 @@ def test_frames_without_gaussians_are_frames(
 
 
 @pytest.mark.parametrize("degrees", [(0, 1), (2, 0)])
-def test_mixed_sh_degrees_are_refused(degrees: tuple[int, int], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="SH degree"):
-        encode([make_cloud(20, degree) for degree in degrees], tmp_path / "a.dgs")
+def test_missing_sh_coefficients_are_zero(degrees: tuple[int, int], tmp_path: Path) -> None:
+    frames = [make_cloud(20, degree) for degree in degrees]
+    report = encode(frames, tmp_path / "a.dgs", EncoderOptions(order=INPUT))
+    assert "SH degree" in report.notes[0]
+    for frame in decode(tmp_path / "a.dgs"):
+        assert frame.cloud().sh_degree == max(degrees)
+    assert report.errors["sh"].maximum < 0.5
 
 
 def test_what_is_not_a_cloud_is_refused(tmp_path: Path) -> None:

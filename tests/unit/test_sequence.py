@@ -86,11 +86,15 @@ def test_a_number_too_large_for_the_format_is_refused(tmp_path: Path) -> None:
     refusal(frames(tmp_path, [f"frame_{2**64}.ply"]))
 
 
-def test_mixed_sh_degrees_are_refused_by_name(tmp_path: Path) -> None:
+def test_lower_sh_degrees_are_filled_up_with_zeros(tmp_path: Path) -> None:
     frames(tmp_path, ["f0.ply", "f1.ply"])
     write_table(tmp_path / "f2.ply", ply_table(make_cloud(3, 2)))
-    message = refusal(tmp_path)
-    assert "f2.ply: SH degree 2, but f0.ply has 0" in message
+    source = open_folder(tmp_path)
+    assert [header.sh_degree for header in source.headers] == [0, 0, 2]
+    assert ["2 of 3 frames (first f0.ply: 0)" in note for note in source.notes] == [True]
+    for index in range(3):
+        assert source.read(index)[0].sh_degree == 2
+    assert not source.read(1)[0].sh_rest.any()
 
 
 def test_no_match_names_the_pattern(tmp_path: Path) -> None:
@@ -104,20 +108,16 @@ def test_patterns_that_cannot_be_are_refused(tmp_path: Path, pattern: str) -> No
     refusal(tmp_path, pattern)
 
 
-def test_folders_that_match_are_skipped_or_refused(tmp_path: Path) -> None:
+def test_folders_that_are_called_like_frames_are_refused(tmp_path: Path) -> None:
     frames(tmp_path, ["frame_0.ply", "frame_1.ply"])
     (tmp_path / "frame_2.ply").mkdir()
-    try:
-        found = counts(tmp_path)[0]
-    except InputError:
-        return
-    assert found == [0, 1]
+    assert "frame_2.ply is a folder" in refusal(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["missing", "file.ply"])
-def test_what_is_not_a_folder_is_refused(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(("name", "words"), [("missing", "does not exist"), ("file.ply", "is not a folder")])
+def test_what_is_not_a_folder_is_refused(tmp_path: Path, name: str, words: str) -> None:
     (tmp_path / "file.ply").touch()
-    assert "not a folder" in refusal(tmp_path / name)
+    assert words in refusal(tmp_path / name)
 
 
 def test_a_frame_that_is_no_ply_is_named(tmp_path: Path) -> None:

@@ -20,13 +20,15 @@ from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES, Bound
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import VerificationError
+from dfcgs_codec.frames.typed import check_arguments
 from dfcgs_codec.ply import InputPolicy
-from dfcgs_codec.sequence import DEFAULT_PATTERN, open_folder
+from dfcgs_codec.sequence import DEFAULT_PATTERN, open_frames
 
 _EPILOG = """
 \b
 Examples:
   dfcgs encode frames/ out.dgs
+  dfcgs encode frames/*.ply out.dgs
   dfcgs encode frames/ out.dgs --quality high --gof-size 30
   dfcgs encode frames/ out.dgs --bound position=0.001 --bound rotation=0.5
   dfcgs encode scene/ out.dgs --pattern 'frame_*/point_cloud/iteration_7000/point_cloud.ply'
@@ -129,7 +131,7 @@ def _summary(report: EncodeReport, target: Path) -> str:
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("frames_dir", type=click.Path(path_type=Path))
+@click.argument("frames", nargs=-1, metavar="FRAMES...")
 @click.argument("output", type=click.Path(path_type=Path))
 @click.option("--quality", type=click.Choice(list(QUALITIES)), default="medium", show_default=True)
 @click.option(
@@ -264,7 +266,16 @@ def _summary(report: EncodeReport, target: Path) -> str:
     "--pattern",
     default=DEFAULT_PATTERN,
     show_default=True,
-    help="Which files are frames; may contain folders.",
+    help="Which files of the folder are frames; may contain folders. By default PLYs in any case and, where "
+    "the folder has none, those of trainers' trees.",
+)
+@click.option(
+    "--order-by",
+    default="number",
+    show_default=True,
+    metavar="number|name|PATTERN",
+    help="What orders the frames: the number in their names that differs in all; their names; or a part of "
+    "the names with {} in place of the number that counts, such as 'frame_{}' (* is any text).",
 )
 @click.option("--allow-gaps", is_flag=True, help="Accept missing frame numbers.")
 @click.option("--drop-extra", is_flag=True, help="Leave out PLY properties that the codec does not keep.")
@@ -274,20 +285,32 @@ def _summary(report: EncodeReport, target: Path) -> str:
 @click.option("--force", is_flag=True, help="Replace an existing file.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.option("--quiet", "-q", is_flag=True, help="Print nothing but errors.")
-def encode(frames_dir: Path, output: Path, **values: Any) -> None:
-    """Encode the PLY frames in FRAMES_DIR into the file OUTPUT (.dgs)."""
+def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
+    """Encode FRAMES, a folder of PLYs or the files themselves, into the file OUTPUT (.dgs)."""
+    if not frames:
+        raise click.UsageError(f"two arguments are needed: dfcgs encode {output} out.dgs")
+    check_arguments(frames, str(output))
     policy = InputPolicy(drop_extra=values["drop_extra"], repair=values["repair"])
     options = _options(values)
-    source = open_folder(frames_dir, values["pattern"], allow_gaps=values["allow_gaps"], policy=policy)
+    source = open_frames(
+        frames,
+        values["pattern"],
+        allow_gaps=values["allow_gaps"],
+        order_by=values["order_by"],
+        policy=policy,
+    )
+    # said before the work begins: whoever meant other files need not wait for its end
+    for note in source.notes:
+        click.echo(f"note: {note}", err=True)
     with progress_bar("encoding", values["quiet"]) as progress:
         report = encode_sequence(source, output, options, force=values["force"], progress=progress)
-    for note in report.notes:
+    for note in report.notes[len(source.notes) :]:
         click.echo(f"note: {note}", err=True)
     if values["verify"]:
         _verify(output)
     if values["as_json"]:
-        frames = [vars(frame) for frame in report.frames]
+        records = [vars(frame) for frame in report.frames]
         result = {"num_bytes": report.num_bytes, "errors": _errors(report), "notes": report.notes}
-        click.echo(json.dumps(result | {"verified": values["verify"], "frames": frames}))
+        click.echo(json.dumps(result | {"verified": values["verify"], "frames": records}))
     elif not values["quiet"]:
         click.echo(_summary(report, output) + ("\nverified" if values["verify"] else ""))

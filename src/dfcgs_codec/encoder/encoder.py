@@ -28,7 +28,7 @@ from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import replace_when_whole
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.registry import installed
-from dfcgs_codec.sequence import FrameSource
+from dfcgs_codec.sequence import FrameSource, notes_of, sequence_sh_degree
 
 #: called with (frames done, frames in all)
 Progress = Callable[[int, int], None]
@@ -76,7 +76,7 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
         raise InputError("no frames to encode")
     counts = [header.num_gaussians for header in headers]
     first_frame = next((index for index, count in enumerate(counts) if count), 0)
-    first = source.read(first_frame)[0] if any(counts) else _any_cloud(headers[0].sh_degree)
+    first = source.read(first_frame)[0] if any(counts) else _any_cloud(sequence_sh_degree(headers))
     quantisation = plan_quantisation(options.qp, options.bounds, _finite(first))
     if options.intra == IntraKind.PLY:
         quantisation = quantisation.with_float32_positions()
@@ -86,7 +86,7 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     header = SequenceHeader(
         profile=options.profile,
         level=_level(max(counts), len(counts)),
-        sh_degree=headers[0].sh_degree,
+        sh_degree=sequence_sh_degree(headers),
         output_order=options.order,
         frame_rate=(options.frame_rate.numerator, options.frame_rate.denominator),
         frame_numbers=FrameNumbers.of(source.numbers),
@@ -126,7 +126,7 @@ def _coded_segments(
 def _write(
     file: BinaryIO, source: FrameSource, plan: SequencePlan, progress: Progress | None
 ) -> EncodeReport:
-    report = EncodeReport(notes=list(plan.quantisation.notes))
+    report = EncodeReport(notes=[*notes_of(source), *plan.quantisation.notes])
     writer = ContainerWriter(file, plan.header)
     writer.chunk(ChunkType.ENCODER_INFO, 0, plan.options.describe().encode())
     if plan.comments:

@@ -1,0 +1,124 @@
+"""Names that do not say which order is meant: what is wrong with them, and ways out that work."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from dfcgs_codec.errors import InputError
+from dfcgs_codec.frames.names import Column, Name, columns
+from dfcgs_codec.frames.suggestions import glob_for, order_by_for
+
+#: names that are listed in a message
+_LISTED = 3
+
+
+def some(names: list[str]) -> str:
+    """A few of the names, and how many more there are."""
+    more = len(names) - _LISTED
+    return ", ".join(names[:_LISTED]) + (f" and {more} more" if more > 0 else "")
+
+
+def unlike(groups: list[list[Name]]) -> InputError:
+    """Names without numbers, or built differently: the odd ones out, or the kinds."""
+    if not any(name.tokens for group in groups for name in group):
+        texts = sorted(name.text for group in groups for name in group)
+        return InputError(
+            f"no number in the names ({some(texts)}) says in which order the frames are; name them like "
+            "frame_0000.ply, choose them with --pattern, or --order-by name takes all by name"
+        )
+    most, others = groups[0], [name.text for group in groups[1:] for name in group]
+    pattern = glob_for(most, others)
+    if len(most) > max(len(others), 1):
+        return _odd_ones_out(most, others, pattern)
+    kinds = [f"{len(group)} like {group[0].text}" for group in groups[:_LISTED]]
+    choice = f"--pattern {pattern} takes the first kind" if pattern else "choose frames with --pattern"
+    return InputError(
+        f"file names do not share one numbering ({', '.join(kinds)}); {choice}, "
+        "--order-by name takes all by name"
+    )
+
+
+def _odd_ones_out(most: list[Name], others: list[str], pattern: str | None) -> InputError:
+    are, them = ("is", "it") if len(others) == 1 else ("are", "them")
+    leave = f"--pattern {pattern} leaves {them} out" if pattern else f"move {them} elsewhere"
+    return InputError(
+        f"{some(others)} {are} not named like the other {len(most)} files (such as {most[0].text}); {leave}, "
+        "--order-by name takes all by name"
+    )
+
+
+def repeated(found: list[Column], names: list[Name]) -> InputError:
+    """No number is different in every file: two with the same."""
+    varying = [column for column in found if len(set(column.values)) > 1] or found
+    best = max(varying, key=lambda column: len(set(column.values)))
+    first, second = _pair(best, names)
+    if len(varying) == 1:
+        return InputError(
+            f"{first} and {second} have the same frame number; take one of them away, or choose frames with "
+            "--pattern"
+        )
+    # those first that take most files
+    fixed = sorted(varying, key=lambda column: len(set(column.values)))
+    globs = [g for column in fixed if (g := _one_value(column, names)) is not None]
+    choice = f"such as {' or '.join(globs[:2])}" if globs else "so that one varies"
+    return InputError(
+        f"{first} and {second} have the same frame number: {len(varying)} numbers in the names vary and each "
+        f"repeats; choose frames with --pattern {choice}, or --order-by name takes all by name"
+    )
+
+
+def _pair(column: Column, names: list[Name]) -> tuple[str, str]:
+    seen: dict[Fraction, str] = {}
+    for value, name in zip(column.values, names, strict=True):
+        if value in seen:
+            return seen[value], name.text
+        seen[value] = name.text
+    raise AssertionError("numbers are distinct")
+
+
+def _one_value(column: Column, names: list[Name]) -> str | None:
+    """A glob for the names with the last value of `column`, where another number tells these apart."""
+    last = max(column.values)
+    chosen = [name for name, value in zip(names, column.values, strict=True) if value == last]
+    others = [name.text for name, value in zip(names, column.values, strict=True) if value != last]
+    if len(chosen) < 2 or not any(c.is_distinct for c in columns(chosen)):
+        return None
+    return glob_for(chosen, others)
+
+
+def two_choices(first: Column, second: Column, names: list[Name]) -> InputError:
+    """Two numbers that are different in every file."""
+    ways = [order_by_for(names, column) for column in (first, second)]
+    known = [f"--order-by {way}" for way in ways if way is not None]
+    return InputError(
+        f"two numbers differ in every name: {first.texts[0]} and {second.texts[0]} in {names[0].text}, "
+        f"{first.texts[-1]} and {second.texts[-1]} in {names[-1].text}; say which one counts: "
+        + (" or ".join(known) or "--order-by with {} in its place")
+    )
+
+
+def check_doubts(column: Column, found: list[Column], names: list[Name]) -> None:
+    """InputError for numbers that may be meant otherwise: an order is not guessed."""
+    if column.doubt:
+        raise InputError(
+            f"'.{column.doubt}' in the names: {some(list(column.texts))} are decimal numbers, or two numbers "
+            "each; write decimals with equally many digits (0.05, 0.10), or --order-by name takes two numbers"
+        )
+    if column.is_gapless:
+        return
+    way = order_by_for(names, column)
+    if column.is_unevenly_padded and not column.is_decimal:
+        raise InputError(
+            f"the numbers {some(sorted(column.texts, key=len))} have gaps and are padded with zeros "
+            f"unevenly: decimals are written like 0.05; --order-by {way or 'with {}'} takes whole numbers"
+        )
+    varying = [c for c in found if len(set(c.values)) > 1]
+    natural = sorted(range(len(names)), key=lambda i: [c.values[i] for c in varying])
+    if natural != sorted(range(len(names)), key=lambda i: column.values[i]):
+        other = next(c for c in varying if c.values != column.values)
+        alone = f", --order-by {way} {column.texts[0]} alone" if way else ""
+        raise InputError(
+            f"two numbers in the names disagree on the order: {column.texts[0]} and {other.texts[0]} in "
+            f"{names[0].text}, {column.texts[-1]} and {other.texts[-1]} in {names[-1].text}; --order-by name "
+            f"takes all numbers from left to right{alone}"
+        )
