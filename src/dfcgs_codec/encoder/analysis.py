@@ -13,6 +13,7 @@ from dfcgs_codec.bitstream.frame_headers import SortGrid
 from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols, classify_blocks, nonzero_rows
 from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.codec.intra import IntraSymbols
+from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
 from dfcgs_codec.transform.pieces import pieces
@@ -61,14 +62,16 @@ class ZeroBin:
 def plan_grid(indices: Int64, max_bits: int = MAX_SORT_BITS) -> SortGrid:
     """Cube and resolution for position `indices` (N, 3).
 
-    All of the scene if it fits in `max_bits` bits per axis; else the middle 98 %, four times as wide,
-    far outliers being clipped, with as many low bits left raw as that needs.
+    All of the scene if it fits in `max_bits` bits per axis, but for one or two Gaussians far out, which
+    change nothing for the others; else the middle 98 %, four times as wide, far outliers being clipped, with
+    as many low bits left raw as that needs.
     """
-    low, high = indices.min(axis=0), indices.max(axis=0)
+    near = indices[~far_ones(indices)]
+    low, high = near.min(axis=0), near.max(axis=0)
     bits = int((high - low).max()).bit_length()
     if bits <= max_bits:
         x, y, z = low.tolist()
-        return SortGrid(0, bits, (x, y, z), False)
+        return SortGrid(0, bits, (x, y, z), len(near) < len(indices))
     inner = np.quantile(indices, [0.01, 0.99], axis=0, method="nearest").astype(np.int64)
     middle = (inner[0] + inner[1]) // 2
     half = max(1, 2 * int((inner[1] - inner[0]).max()))

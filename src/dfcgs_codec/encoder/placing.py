@@ -18,6 +18,7 @@ from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
 from dfcgs_codec.encoder.cover import cover_of, light
 from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.encoder.sensitivity import image_errors
 from dfcgs_codec.encoder.targets import Targets
 from dfcgs_codec.encoder.trellis_search import ALTERNATING_ERROR
@@ -73,6 +74,11 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
     """With steps in proportion to what they show in the `first` frame."""
     if not (plan.is_graded and plan.options.balance):
         return plan
+    far = far_ones(first.positions)
+    everyone = np.ones(first.num_gaussians)
+    if far.any():
+        # who lies apart from all others has no say in how these are coded
+        first = first.take(np.flatnonzero(~far))
     found, planes = light(first), Targets(plan.header.unit_exponents.from_origin).planes(first)
     placing = Placing.of(first, planes, plan, found)
     assert placing.names is not None
@@ -100,7 +106,8 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
         counted = {a: error.scaled(shares.get(a, 1.0)) for a, error in errors.items()}
         octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, inter, bounded).items()}
         octaves = no_worse(octaves, errors, limit)
-    return replace(plan, quantisation=plan.quantisation.balanced(graded, octaves), first_light=found)
+    everyone[~far] = found
+    return replace(plan, quantisation=plan.quantisation.balanced(graded, octaves), first_light=everyone)
 
 
 def _wide(state: FrameState) -> dict[Attribute, Int64]:

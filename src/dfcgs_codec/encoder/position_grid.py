@@ -29,7 +29,11 @@ _ROOM_TO_GROW_LOG2 = 4
 _MAX_REACH_LOG2 = 80
 #: log2 of the units that a scene spans at least
 _SMALLEST_LOG2 = 10
-#: Gaussians that may be escapes: some, and one in so many, but never more than a tenth
+#: Gaussians that lie apart from all others, at most, and how many times as far from the middle
+_FAR_ONES, _TIMES_AS_FAR = 2, 4.0
+#: Gaussians that may be escapes where all others have the units that suit them
+_VERY_FEW = 2
+#: and where else units were coarser: some, and one in so many; never more than a tenth
 _FEW, _ONE_IN, _TENTH = 8, 1000, 10
 
 
@@ -42,14 +46,20 @@ class PositionGrid:
     notes: tuple[str, ...] = ()
 
 
-def _num_few(count: int) -> int:
-    return min(_FEW + count // _ONE_IN, count // _TENTH)
+def _reach(distances: Float64, few: int) -> float:
+    """The largest of `distances` (N,) but for a `few`."""
+    last = len(distances) - 1 - min(few, len(distances) // _TENTH)
+    return float(np.partition(distances, last)[last])
 
 
-def _reach(distances: Float64) -> float:
-    """The largest of `distances` (N,) but for a few."""
-    few = _num_few(len(distances))
-    return float(np.partition(distances, len(distances) - 1 - few)[len(distances) - 1 - few])
+def far_ones(positions: npt.NDArray[np.number]) -> npt.NDArray[np.bool_]:
+    """Which of `positions` (N, 3) lie apart from all others: one or two that are several times as far out."""
+    count = len(positions)
+    if count <= _TENTH:
+        return np.zeros(count, np.bool_)
+    distances = np.abs(positions - np.median(positions, axis=0)).max(axis=1)
+    far: npt.NDArray[np.bool_] = distances > max(_TIMES_AS_FAR * _reach(distances, _FAR_ONES), 1e-30)
+    return far
 
 
 def plan_position_grid(positions: Floats, step: float) -> PositionGrid:
@@ -68,15 +78,19 @@ def plan_position_grid(positions: Floats, step: float) -> PositionGrid:
     centre = np.median(wide, axis=0)
     from_zero, from_centre = (np.abs(wide - point).max(axis=1) for point in (np.zeros(3), centre))
     fits = math.floor(math.log2(step)) - _FEWEST_UNITS_LOG2 + _REACH_LOG2
-    if largest <= 2.0 ** min(fits, _MAX_REACH_LOG2):
-        return PositionGrid(_exponent(step, largest))
+    reach = _reach(from_zero, _VERY_FEW)
+    if reach <= 2.0 ** min(fits, _MAX_REACH_LOG2):
+        return PositionGrid(_exponent(step, reach))
+    few = _FEW + len(wide) // _ONE_IN
     for bits in (_FEWEST_UNITS_LOG2, _FEWEST_UNITS_FAR_LOG2):
         exponent = max(FINEST_EXPONENT, min(_COARSEST_EXPONENT, math.floor(math.log2(step)) - bits))
         for origin, distances in ((np.zeros(3), from_zero), (centre, from_centre)):
-            if _reach(distances) <= 2.0 ** (exponent + _REACH_LOG2):
-                return _around(origin, max(exponent, _exponent(step, _reach(distances))))
-    near = min(((np.zeros(3), from_zero), (centre, from_centre)), key=lambda pair: _reach(pair[1]))
-    return _coarse(near[0], _reach(near[1]), step)
+            reach = _reach(distances, few)
+            if reach <= 2.0 ** (exponent + _REACH_LOG2):
+                return _around(origin, max(exponent, _exponent(step, reach)))
+    if _reach(from_centre, few) < _reach(from_zero, few):
+        return _coarse(centre, _reach(from_centre, few), step)
+    return _coarse(np.zeros(3), _reach(from_zero, few), step)
 
 
 def _suited(step: float) -> int:
