@@ -1,8 +1,8 @@
 """Does one far Gaussian spoil a scene? `python -m evaluation.far_values`; fails where a bar is missed.
 
 Sequences of four frames, with one Gaussian far away in the first, a middle, the last, or every frame, against
-the same sequence without: bytes a frame more, and PSNR lost in the frames in which it is far. Without is without
-that Gaussian where it is far in the first frame, from which all is planned, else with it in its place.
+the same sequence without: bytes a frame more, PSNR lost in the frames in which it is far. That is without the
+Gaussian where it is far in the first frame, from which all is planned, else with it in its place.
 """
 
 from __future__ import annotations

@@ -58,7 +58,9 @@ def far_ones(positions: npt.NDArray[np.number]) -> npt.NDArray[np.bool_]:
     if count <= _TENTH:
         return np.zeros(count, np.bool_)
     distances = np.abs(positions - np.median(positions, axis=0)).max(axis=1)
-    far: npt.NDArray[np.bool_] = distances > max(_TIMES_AS_FAR * _reach(distances, _FAR_ONES), 1e-30)
+    reach = _reach(distances, _FAR_ONES)
+    # where all others are at one point, nothing is several times as far out
+    far: npt.NDArray[np.bool_] = distances > (_TIMES_AS_FAR * reach if reach else np.inf)
     return far
 
 
