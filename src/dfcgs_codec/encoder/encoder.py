@@ -18,7 +18,7 @@ from dfcgs_codec.codec.dpb import columns_of
 from dfcgs_codec.encoder.lattice import keep_exactly
 from dfcgs_codec.encoder.off_grid import Grids
 from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, PAPER_GOF_SIZE, EncoderOptions
-from dfcgs_codec.encoder.parallel import code_in_parallel
+from dfcgs_codec.encoder.parallel import NoWorkers, code_in_parallel
 from dfcgs_codec.encoder.placing import balanced_plan
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.proof import prove_written
@@ -113,13 +113,17 @@ def _segments(plan: SequencePlan) -> list[tuple[int, int]]:
 
 
 def _coded_segments(
-    source: FrameSource, plan: SequencePlan, on_frame: Callable[[], None] | None
+    source: FrameSource, plan: SequencePlan, on_frame: Callable[[], None], notes: list[str]
 ) -> Iterator[CodedSegment]:
     """Segments in order, coded by this process, which calls `on_frame`, or by `options.jobs` others."""
     segments = _segments(plan)
     if min(plan.options.jobs, len(segments)) > 1:
-        yield from code_in_parallel(source, plan, segments)
-        return
+        try:
+            yield from code_in_parallel(source, plan, segments)
+        except NoWorkers as reason:
+            notes.append(f"coded in one process: {reason}")
+        else:
+            return
     encoder = SegmentEncoder(source, plan)
     yield from (encoder.encode(*segment, on_frame) for segment in segments)
 
@@ -142,7 +146,7 @@ def _write(
             progress(count, plan.header.num_frames)
         done = max(done, count)
 
-    for segment in _coded_segments(source, plan, lambda: advance(done + 1)):
+    for segment in _coded_segments(source, plan, lambda: advance(done + 1), report.notes):
         for gof in segment.gofs:
             writer.gof(gof.first_frame, gof.frames)
         report.merge(segment.report)
