@@ -5,6 +5,7 @@ Nothing is replaced unless the caller says `force`; what an ended run left behin
 
 from dfcgs_codec.files.failures import named
 from dfcgs_codec.files.targets import FRAME_NAME, FRAME_PATTERN
+from dfcgs_codec.files.unfinished import put_away_all
 from dfcgs_codec.files.whole_file import check_file_target, replace_when_whole
 from dfcgs_codec.files.whole_folder import replace_folder_when_whole
 
@@ -13,6 +14,7 @@ __all__ = [
     "FRAME_PATTERN",
     "check_file_target",
     "named",
+    "put_away_all",
     "replace_folder_when_whole",
     "replace_when_whole",
 ]

@@ -18,6 +18,8 @@ _TOKEN_BYTES = 6
 _TOKEN = f"[0-9a-f]{{{2 * _TOKEN_BYTES}}}"
 #: a name of the target's that is longer gives way to its hash: names have at most 255 bytes
 _LONGEST_NAME = 200
+#: what this process is writing, and how to put it away
+_at_work: dict[Path, Callable[[Path], None]] = {}
 
 
 def _stem(target: Path) -> str:
@@ -61,6 +63,25 @@ def remove(path: Path) -> None:
     else:
         with suppress(OSError):
             path.unlink()
+
+
+@contextmanager
+def put_away_at_end(path: Path, undo: Callable[[Path], None]) -> Iterator[None]:
+    """`undo(path)` on an error or an interrupt, also where the process has to leave at once."""
+    _at_work[path] = undo
+    try:
+        yield
+    except BaseException:
+        undo(path)
+        raise
+    finally:
+        _at_work.pop(path, None)
+
+
+def put_away_all() -> None:
+    """What is not whole goes, at once: for a process that leaves without unwinding."""
+    for path, undo in list(_at_work.items()):
+        undo(path)
 
 
 def each_abandoned(found: list[Path], target: Path, deal_with: Callable[[Path], None]) -> None:

@@ -13,7 +13,7 @@ from dfcgs_codec.errors import InputError
 from dfcgs_codec.files.failures import named
 from dfcgs_codec.files.syncing import sync_names, sync_open
 from dfcgs_codec.files.targets import appeared, file_target
-from dfcgs_codec.files.unfinished import beside, clear_beside, hold, remove, writable
+from dfcgs_codec.files.unfinished import beside, clear_beside, hold, put_away_at_end, remove, writable
 from dfcgs_codec.files.uninterrupted import uninterrupted
 
 
@@ -76,7 +76,7 @@ def replace_when_whole(target: Path, *, force: bool) -> Iterator[BinaryIO]:
     clear_beside(place, target)
     unfinished = beside(place)
     # from here on: an interrupt right after the file is made must find it
-    try:
+    with put_away_at_end(unfinished, remove):
         with writable(target, place.parent):
             file = unfinished.open("x+b")
         with named(target, writing_only=True), file:
@@ -90,6 +90,3 @@ def replace_when_whole(target: Path, *, force: bool) -> Iterator[BinaryIO]:
             with uninterrupted():
                 _deliver(unfinished, place, target, force=force)
                 sync_names(place.parent)
-    except BaseException:
-        remove(unfinished)
-        raise

@@ -20,6 +20,7 @@ from dfcgs_codec.files.unfinished import (
     hidden_name,
     hidden_names,
     hold,
+    put_away_at_end,
     remove,
     writable,
 )
@@ -32,19 +33,17 @@ _STEM = "dfcgs"
 @contextmanager
 def _held_folder(folder: Path, target: Path, undo: Callable[[Path], None]) -> Iterator[None]:
     """A new folder, locked; `undo` removes it on an error or an interrupt."""
-    lock = None
-    try:
+    with put_away_at_end(folder, undo):
         with writable(target, folder.parent):
             folder.mkdir()
-        if os.name != "nt":
-            lock = os.open(folder, os.O_RDONLY)
+        if os.name == "nt":
+            yield
+            return
+        lock = os.open(folder, os.O_RDONLY)
+        try:
             hold(lock, folder, target)
-        yield
-    except BaseException:
-        undo(folder)
-        raise
-    finally:
-        if lock is not None:
+            yield
+        finally:
             os.close(lock)
 
 

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from queue import SimpleQueue
+from typing import Any
 
 from dfcgs_codec.encoder.parallel.messages import Refused, Setup
 from dfcgs_codec.encoder.parallel.process import Worker, WorkerEnded, interpreter
@@ -59,12 +60,20 @@ def _kill(workers: list[Worker]) -> None:
         worker.kill()
 
 
-def _set_up(threads: ThreadPoolExecutor, workers: list[Worker], data: bytes) -> None:
-    try:
-        answers = list(threads.map(lambda worker: worker.ask(data), workers))
-    except WorkerEnded as error:
-        raise NoWorkers(f"processes end as they start ({error})") from None
-    for answer in answers:
+def _set_up(
+    threads: ThreadPoolExecutor, workers: list[Worker], data: bytes, segments: list[tuple[int, int]]
+) -> None:
+    """Each gets the setup; where one is killed, the frames are those that would have been its first."""
+
+    def ask(worker: Worker, segment: tuple[int, int]) -> Any:
+        try:
+            return worker.ask(data)
+        except WorkerEnded as error:
+            if error.is_killed:
+                raise _Lost(segment, error) from None
+            raise NoWorkers(f"processes end as they start ({error})") from None
+
+    for answer in list(threads.map(ask, workers, segments)):
         if isinstance(answer, Refused):
             raise NoWorkers(
                 f"other processes cannot load what reads the frames ({answer.reason}); its class must be in "
@@ -136,7 +145,7 @@ def code_in_parallel(
     try:
         with ThreadPoolExecutor(len(workers)) as threads:
             try:
-                _set_up(threads, workers, data)
+                _set_up(threads, workers, data, segments)
                 del data
                 yield from _in_order(threads, workers, segments)
             except BaseException:

@@ -53,7 +53,7 @@ class WorkerEnded(Exception):
     def __init__(self, pid: int, status: int) -> None:
         names = {number.value: number.name for number in signal.Signals}
         self.how = f"by {names.get(-status, -status)}" if status < 0 else f"with exit code {status}"
-        self.pid = pid
+        self.pid, self.is_killed = pid, status < 0
         super().__init__(f"process {pid} ended {self.how}")
 
 
