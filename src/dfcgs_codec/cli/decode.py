@@ -13,7 +13,7 @@ from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.salvage import salvage
 from dfcgs_codec.errors import CorruptBitstream, InputError
-from dfcgs_codec.files import FRAME_NAME, named, replace_folder_when_whole
+from dfcgs_codec.files import FRAME_NAME, begin_sync, named, replace_folder_when_whole
 from dfcgs_codec.ply import write_ply
 
 _EPILOG = """
@@ -66,6 +66,7 @@ def _write(frame: DecodedFrame, folder: Path, output_dir: Path) -> None:
     name = FRAME_NAME.format(frame.number)
     with named(output_dir / name):
         write_ply(folder / name, frame.cloud())
+    begin_sync(folder / name)
 
 
 def _run(file: BinaryIO, write: Callable[[DecodedFrame], None], values: dict[str, Any]) -> int:

@@ -4,6 +4,7 @@ Nothing is replaced unless the caller says `force`; what an ended run left behin
 """
 
 from dfcgs_codec.files.failures import named
+from dfcgs_codec.files.syncing import begin_sync
 from dfcgs_codec.files.targets import FRAME_NAME, FRAME_PATTERN
 from dfcgs_codec.files.unfinished import put_away_all
 from dfcgs_codec.files.whole_file import check_file_target, replace_when_whole
@@ -12,6 +13,7 @@ from dfcgs_codec.files.whole_folder import replace_folder_when_whole
 __all__ = [
     "FRAME_NAME",
     "FRAME_PATTERN",
+    "begin_sync",
     "check_file_target",
     "named",
     "put_away_all",

@@ -31,6 +31,19 @@ def sync_files(paths: Iterable[Path]) -> None:
             os.close(descriptor)
 
 
+def begin_sync(path: Path) -> None:
+    """Have the system begin to write a file that is whole, so that less is left to wait for at the end."""
+    if not hasattr(os, "posix_fadvise"):
+        return
+    with suppress(OSError):
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            # what is not on the disk yet is sent there, and stays in memory
+            os.posix_fadvise(descriptor, 0, 0, os.POSIX_FADV_DONTNEED)
+        finally:
+            os.close(descriptor)
+
+
 def sync_names(folder: Path) -> None:
     """Return when the names in `folder` are on its disk, where the system can say so of folders."""
     with suppress(OSError):
