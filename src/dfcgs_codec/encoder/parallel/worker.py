@@ -14,6 +14,7 @@ from typing import Any, BinaryIO
 
 from dfcgs_codec.encoder.parallel.messages import Ready, Refused, Setup, portable, receive, send
 from dfcgs_codec.encoder.segment import SegmentEncoder
+from dfcgs_codec.errors import DfcgsError
 
 #: those of a terminal reach all its processes: they are the encoder's to handle, it ends its workers
 _IGNORED = ("SIGINT", "SIGHUP", "SIGQUIT")
@@ -65,7 +66,8 @@ def _coded(encoder: SegmentEncoder, segment: tuple[int, int]) -> Any:
     try:
         return encoder.encode(*segment)
     except BaseException as error:
-        error.add_note(f"in a worker process:\n{traceback.format_exc()}")
+        if not isinstance(error, DfcgsError):
+            error.add_note(f"in a worker process:\n{traceback.format_exc()}")
         return portable(error)
 
 
