@@ -14,9 +14,10 @@ from typing import Any
 
 import pytest
 
-from dfcgs_codec import EncoderOptions, InputError, VerificationError, encode_sequence
+from dfcgs_codec import EncoderOptions, GaussianCloud, InputError, VerificationError, encode_sequence
 from dfcgs_codec.encoder import encoder as encoding
 from dfcgs_codec.files import replace_folder_when_whole, replace_when_whole, syncing
+from dfcgs_codec.ply import PlyHeader
 from tests.helpers import drifting, make_cloud
 from tests.troubles.situations import Outcome, encode, run, sequence
 
@@ -95,7 +96,7 @@ REFUSED_NAMES = {
     "a pipe, by habit": ("-", ("'-'", "a pipe cannot be the output")),
     "nothing": ("", ("empty name",)),
     "a folder, by its name": ("new/", ("new/frames.dgs",)),
-    "a PLY": ("frame_0001.ply", ("is the name of a PLY",)),
+    "a PLY": ("frame_0001.ply", ("frame_0001.ply", "a PLY")),
     "a missing folder": ("no/out.dgs", ("no such folder; create it first",)),
     "a file as its folder": ("file/out.dgs", ("is a file, not a folder",)),
     "an existing file": ("file", ("file exists; --force replaces it",)),
@@ -148,6 +149,8 @@ def test_a_frame_is_not_replaced(frames: Path, tmp_path: Path) -> None:
     done = encode(folder, folder / "frame_0001.bin", "--force", "--pattern", "*.bin")
     refused(done, "frame_0001.bin is one of the frames")
     assert names(folder) == [f"frame_{number:04d}.bin" for number in range(3)]
+    with pytest.raises(InputError, match="is the name of a PLY"):
+        encode_sequence(frames, frames / FRAMES[1], force=True)
 
 
 def test_beside_the_frames_is_a_good_place(tmp_path: Path) -> None:
@@ -489,6 +492,25 @@ def damage(data: bytearray, what: str) -> bytearray:
         data[len(data) // 2] ^= 4
         return data
     return data[:-20] if what == "the end" else data[:40] + data[60:]
+
+
+class Changing:
+    """A source whose frames are not what it says of them."""
+
+    def __init__(self, frame: GaussianCloud) -> None:
+        self.frame = frame
+        self.numbers, self.headers = [5, 6, 7], [PlyHeader(50, 0)] * 3
+
+    def read(self, index: int) -> tuple[GaussianCloud, list[str]]:
+        return (self.frame if index == 2 else make_cloud(50)), []
+
+
+@pytest.mark.parametrize(("count", "degree"), [(49, 0), (50, 1)])
+def test_frames_that_are_not_what_was_planned(count: int, degree: int, tmp_path: Path) -> None:
+    expected = f"frame 7: {count} Gaussians of SH degree {degree}, but 50 of SH degree 0 were announced"
+    with pytest.raises(InputError, match=expected):
+        encode_sequence(Changing(make_cloud(count, degree)), tmp_path / "a.dgs")
+    assert names(tmp_path) == []
 
 
 @pytest.mark.parametrize("what", ["a bit", "the end", "the middle"])
