@@ -10,6 +10,7 @@ from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.encoder.encoder import Progress, encode_frames
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.report import EncodeReport
+from dfcgs_codec.files import check_file_target
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import FrameSource, MemorySource, open_folder
 
@@ -40,6 +41,7 @@ def encode_sequence(
     The file appears under its name only when it is whole; an existing one is kept unless `force`.
     Raises InputError for input that cannot be coded or a bound that cannot be kept.
     """
+    check_file_target(Path(target), force=force)
     options = options or EncoderOptions()
     return encode_frames(_source(frames, options), Path(target), options, force=force, progress=progress)
 

@@ -12,6 +12,7 @@ from importlib import import_module
 import click
 
 from dfcgs_codec._version import __version__
+from dfcgs_codec.cli.ends import ended_by_signals, message
 from dfcgs_codec.errors import BitstreamError, DfcgsError
 
 EXIT_FAILED, EXIT_REFUSED = 1, 3
@@ -69,6 +70,11 @@ def _one_blas_thread() -> None:
 def main() -> None:
     """Run the command line; errors become one line on stderr and an exit code."""
     _one_blas_thread()
+    with ended_by_signals():
+        _run()
+
+
+def _run() -> None:
     try:
         cli.main(standalone_mode=False)
     except click.exceptions.Exit as stop:
@@ -76,13 +82,8 @@ def main() -> None:
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
-    except (click.Abort, KeyboardInterrupt):
-        _fail("interrupted; nothing was written", EXIT_FAILED)
-    except RuntimeError as error:
-        # an interrupt inside a lock of the threading module comes out as this
-        if not isinstance(error.__context__, KeyboardInterrupt):
-            raise
-        _fail("interrupted; nothing was written", EXIT_FAILED)
+    except (click.Abort, KeyboardInterrupt) as error:
+        _fail(message(error), EXIT_FAILED)
     except BitstreamError as error:
         _fail(f"{error} [{error.code}]", EXIT_REFUSED)
     except DfcgsError as error:
@@ -91,11 +92,28 @@ def main() -> None:
         sys.stderr.close()
         sys.exit(EXIT_FAILED)
     except OSError as error:
-        _fail(f"{error.filename or ''}: {error.strerror or error}", EXIT_FAILED)
+        _fail(_system_error(error), EXIT_FAILED)
     except MemoryError:
-        _fail("out of memory; use fewer --jobs", EXIT_FAILED)
+        _fail("out of memory; encode with fewer --jobs, or where more is free", EXIT_FAILED)
+    except RuntimeError as error:
+        # an interrupt inside a lock of the threading module comes out as this
+        if isinstance(error.__context__, KeyboardInterrupt):
+            _fail(message(error), EXIT_FAILED)
+        if "can't start new thread" not in str(error):
+            raise
+        _fail(
+            "the system lets this user start no more threads (ulimit -u); encode with --jobs 1, or end other "
+            "programs",
+            EXIT_FAILED,
+        )
 
 
-def _fail(message: str, code: int) -> None:
-    click.echo(f"dfcgs: {message}", err=True)
+def _system_error(error: OSError) -> str:
+    """What the system says, and of which file."""
+    reason = error.strerror or str(error) or type(error).__name__
+    return f"{error.filename}: {reason}" if error.filename else reason
+
+
+def _fail(text: str, code: int) -> None:
+    click.echo(f"dfcgs: {text}", err=True)
     sys.exit(code)

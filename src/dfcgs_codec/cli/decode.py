@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import click
 
+from dfcgs_codec.cli.outputs import output_folder
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.salvage import salvage
-from dfcgs_codec.errors import CorruptBitstream
-from dfcgs_codec.files import FRAME_NAME, replace_folder_when_whole
+from dfcgs_codec.errors import CorruptBitstream, InputError
+from dfcgs_codec.files import FRAME_NAME, begin_sync, named, replace_folder_when_whole
 from dfcgs_codec.ply import write_ply
 
 _EPILOG = """
@@ -54,14 +55,27 @@ def _frames(file: BinaryIO, values: dict[str, Any], losses: list[str]) -> tuple[
     return decoder.frames(start, stop), (stop or total) - start
 
 
-def _run(file: BinaryIO, folder: Path | None, values: dict[str, Any]) -> int:
+def _check_apart(file: Path, output_dir: Path) -> None:
+    """InputError where frames would be written around the file that they come from."""
+    if output_dir.is_dir() and output_dir.samefile(file.absolute().parent):
+        raise InputError(f"{output_dir} holds {file.name} itself: name another folder for the frames")
+
+
+def _write(frame: DecodedFrame, folder: Path, output_dir: Path) -> None:
+    """Into `folder`, which becomes `output_dir`: that is the name to speak of."""
+    name = FRAME_NAME.format(frame.number)
+    with named(output_dir / name):
+        write_ply(folder / name, frame.cloud())
+    begin_sync(folder / name)
+
+
+def _run(file: BinaryIO, write: Callable[[DecodedFrame], None], values: dict[str, Any]) -> int:
     losses: list[str] = []
     frames, total = _frames(file, values, losses)
     done = 0
     with progress_bar("decoding", values["quiet"]) as progress:
         for frame in frames:
-            if folder is not None:
-                write_ply(folder / FRAME_NAME.format(frame.number), frame.cloud())
+            write(frame)
             done += 1
             progress(done, max(total, done))
     for loss in losses:
@@ -73,7 +87,7 @@ def _run(file: BinaryIO, folder: Path | None, values: dict[str, Any]) -> int:
 
 @click.command(epilog=_EPILOG)
 @click.argument("file", type=click.Path(path_type=Path, exists=True, dir_okay=False))
-@click.argument("output_dir", type=click.Path(path_type=Path), required=False)
+@click.argument("output_dir", type=click.Path(), required=False, callback=output_folder)
 @click.option("--frames", type=_Range(), help="Only frames A to B - 1, counted from 0; seeks.")
 @click.option("--check-only", is_flag=True, help="Decode and check every hash, write nothing.")
 @click.option(
@@ -89,9 +103,10 @@ def decode(file: Path, output_dir: Path | None, **values: Any) -> None:
         raise click.UsageError("--salvage takes all frames it can get; --frames does not go with it")
     with file.open("rb") as stream:
         if output_dir is None:
-            done = _run(stream, None, values)
+            done = _run(stream, lambda frame: None, values)
         else:
+            _check_apart(file, output_dir)
             with replace_folder_when_whole(output_dir, force=values["force"]) as folder:
-                done = _run(stream, folder, values)
+                done = _run(stream, lambda frame: _write(frame, folder, output_dir), values)
     if not values["quiet"]:
         click.echo(f"{done} frames, all hashes right" + (f": {output_dir}" if output_dir else ""))

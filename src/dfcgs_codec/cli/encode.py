@@ -14,12 +14,14 @@ import click
 
 from dfcgs_codec.api import encode_sequence
 from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder, Profile
+from dfcgs_codec.cli.outputs import output_file
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.encoder.options import EncoderOptions, MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES, Bound
 from dfcgs_codec.encoder.report import EncodeReport
-from dfcgs_codec.errors import VerificationError
+from dfcgs_codec.errors import InputError, VerificationError
+from dfcgs_codec.files import check_file_target
 from dfcgs_codec.frames.typed import check_arguments
 from dfcgs_codec.ply import InputPolicy
 from dfcgs_codec.sequence import DEFAULT_PATTERN, open_frames
@@ -103,7 +105,10 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
 def _verify(target: Path) -> None:
     """Decode in a fresh process that has the file alone; every frame's hash is the encoder's."""
     command = [sys.executable, "-m", "dfcgs_codec", "decode", str(target), "--check-only", "--quiet"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except KeyboardInterrupt:
+        raise InputError(f"interrupted; {target} is written, but was not verified") from None
     if done.returncode:
         raise VerificationError(f"{target} does not decode to what was encoded: {done.stderr.strip()}")
 
@@ -132,7 +137,7 @@ def _summary(report: EncodeReport, target: Path) -> str:
 
 @click.command(epilog=_EPILOG)
 @click.argument("frames", nargs=-1, metavar="FRAMES...")
-@click.argument("output", type=click.Path(path_type=Path))
+@click.argument("output", type=click.Path(), callback=output_file)
 @click.option("--quality", type=click.Choice(list(QUALITIES)), default="medium", show_default=True)
 @click.option(
     "--qp", type=float, help="Quantiser, 0 (finest) to 51; the step doubles every 6. Overrides --quality."
@@ -292,6 +297,7 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
     check_arguments(frames, str(output))
     policy = InputPolicy(drop_extra=values["drop_extra"], repair=values["repair"])
     options = _options(values)
+    check_file_target(output, force=values["force"])
     source = open_frames(
         frames,
         values["pattern"],

@@ -18,9 +18,10 @@ from dfcgs_codec.codec.dpb import columns_of
 from dfcgs_codec.encoder.lattice import keep_exactly
 from dfcgs_codec.encoder.off_grid import Grids
 from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, PAPER_GOF_SIZE, EncoderOptions
-from dfcgs_codec.encoder.parallel import code_in_parallel
+from dfcgs_codec.encoder.parallel import NoWorkers, code_in_parallel
 from dfcgs_codec.encoder.placing import balanced_plan
 from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.proof import prove_written
 from dfcgs_codec.encoder.rate_control import plan_quantisation
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder
@@ -28,7 +29,7 @@ from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import replace_when_whole
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.registry import installed
-from dfcgs_codec.sequence import FrameSource, notes_of, sequence_sh_degree
+from dfcgs_codec.sequence import FolderSource, FrameSource, notes_of, sequence_sh_degree
 
 #: called with (frames done, frames in all)
 Progress = Callable[[int, int], None]
@@ -112,13 +113,17 @@ def _segments(plan: SequencePlan) -> list[tuple[int, int]]:
 
 
 def _coded_segments(
-    source: FrameSource, plan: SequencePlan, on_frame: Callable[[], None] | None
+    source: FrameSource, plan: SequencePlan, on_frame: Callable[[], None], notes: list[str]
 ) -> Iterator[CodedSegment]:
     """Segments in order, coded by this process, which calls `on_frame`, or by `options.jobs` others."""
     segments = _segments(plan)
     if min(plan.options.jobs, len(segments)) > 1:
-        yield from code_in_parallel(source, plan, segments)
-        return
+        try:
+            yield from code_in_parallel(source, plan, segments)
+        except NoWorkers as reason:
+            notes.append(f"coded in one process: {reason}")
+        else:
+            return
     encoder = SegmentEncoder(source, plan)
     yield from (encoder.encode(*segment, on_frame) for segment in segments)
 
@@ -141,7 +146,7 @@ def _write(
             progress(count, plan.header.num_frames)
         done = max(done, count)
 
-    for segment in _coded_segments(source, plan, lambda: advance(done + 1)):
+    for segment in _coded_segments(source, plan, lambda: advance(done + 1), report.notes):
         for gof in segment.gofs:
             writer.gof(gof.first_frame, gof.frames)
         report.merge(segment.report)
@@ -161,6 +166,13 @@ def _write(
     return report
 
 
+def _check_not_input(target: Path, source: FrameSource) -> None:
+    """InputError where the output would take the place of a frame."""
+    for path in source.paths if isinstance(source, FolderSource) else ():
+        if target.exists() and target.samefile(path):
+            raise InputError(f"{target} is one of the frames: name another output")
+
+
 def encode_frames(
     source: FrameSource,
     target: Path,
@@ -174,8 +186,10 @@ def encode_frames(
     The file appears under its name only when it is whole; an existing one is kept unless `force`.
     Raises InputError for input that cannot be coded and VerificationError where a bound was not kept.
     """
-    plan = plan_sequence(source, options or EncoderOptions())
+    _check_not_input(target, source)
     with replace_when_whole(target, force=force) as file:
+        plan = plan_sequence(source, options or EncoderOptions())
         report = _write(file, source, plan, progress)
         report.check_bounds(plan.options.bounds)
+        prove_written(file, plan.header, report)
     return report

@@ -17,6 +17,7 @@ from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import Planes, intra_symbols
+from dfcgs_codec.encoder.announced import check_announced
 from dfcgs_codec.encoder.canonical import AxisNames
 from dfcgs_codec.encoder.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame_coding import (
@@ -159,6 +160,7 @@ class SegmentEncoder:
 
     def _read(self, index: int) -> _Input:
         original, notes = self._source.read(index)
+        check_announced(self._source, index, original, self._plan.header.sh_degree)
         cloud, escapes = self._grids.split(original)
         return _Input(original, cloud, self._targets.planes(cloud), escapes, notes)
 
