@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +13,11 @@ import click
 
 from dfcgs_codec.api import encode_sequence
 from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder, Profile
+from dfcgs_codec.cli import values as parse
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.encoder.options import EncoderOptions, MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
-from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES, Bound
+from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import VerificationError
 from dfcgs_codec.frames.typed import check_arguments
@@ -33,39 +33,6 @@ Examples:
   dfcgs encode frames/ out.dgs --bound position=0.001 --bound rotation=0.5
   dfcgs encode scene/ out.dgs --pattern 'frame_*/point_cloud/iteration_7000/point_cloud.ply'
 """
-
-
-class _Rate(click.ParamType[Fraction]):
-    name = "rate"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Fraction:
-        try:
-            return Fraction(value).limit_denominator(100_000)
-        except (ValueError, ZeroDivisionError):
-            self.fail(f"{value!r} is not a frame rate such as 30, 29.97 or 30000/1001", param, ctx)
-
-
-class _GofSize(click.ParamType[int | None]):
-    name = "auto|frames"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | None:
-        if value == "auto":
-            return None
-        try:
-            return int(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither auto nor a number of frames", param, ctx)
-
-
-class _Bound(click.ParamType[Bound]):
-    name = "attribute=value"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Bound:
-        attribute, _, number = str(value).partition("=")
-        try:
-            return Bound(attribute, float(number))
-        except ValueError:
-            self.fail(f"{value!r} is not like position=0.001", param, ctx)
 
 
 _COMPENSATIONS = {"main": Compensation.GATHER, "paper": Compensation.SPREAD}
@@ -139,13 +106,15 @@ def _summary(report: EncodeReport, target: Path) -> str:
 )
 @click.option(
     "--bound",
-    type=_Bound(),
+    type=parse.bound,
+    metavar="ATTRIBUTE=VALUE",
     multiple=True,
     help=f"Guarantee a maximum error; {', '.join(BOUND_UNITS)}. Repeatable.",
 )
 @click.option(
     "--gof-size",
-    type=_GofSize(),
+    type=parse.gof_size,
+    metavar="[auto|FRAMES]",
     default="auto",
     show_default=True,
     help="Frames from one I-frame to the next, at most; auto: the encoder chooses, 60 at most, "
@@ -259,7 +228,12 @@ def _summary(report: EncodeReport, target: Path) -> str:
     help="Order of decoded Gaussians: one for the sequence, the input's, or any.",
 )
 @click.option(
-    "--fps", type=_Rate(), default="30", show_default=True, help="Frame rate to write into the file."
+    "--fps",
+    type=parse.rate,
+    metavar="RATE",
+    default="30",
+    show_default=True,
+    help="Frame rate to write into the file.",
 )
 @click.option("--keep-axes", is_flag=True, help="Keep the order and signs of each Gaussian's axes.")
 @click.option(
