@@ -6,14 +6,15 @@ from fractions import Fraction
 
 import click
 
+from dfcgs_codec.encoder.option_fields import rate
 from dfcgs_codec.encoder.rate_control import Bound
 
 
-def rate(text: str) -> Fraction:
+def frame_rate(text: str) -> Fraction:
     """`30`, `29.97` or `30000/1001`."""
     try:
-        return Fraction(text).limit_denominator(100_000)
-    except (ValueError, ZeroDivisionError):
+        return rate(text)
+    except ValueError:
         raise click.BadParameter(f"{text!r} is not a frame rate such as 30, 29.97 or 30000/1001") from None
 
 
