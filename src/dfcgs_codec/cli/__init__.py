@@ -13,6 +13,7 @@ import click
 
 from dfcgs_codec._version import __version__
 from dfcgs_codec.errors import BitstreamError, DfcgsError
+from dfcgs_codec.spelling import command_line
 
 EXIT_FAILED, EXIT_REFUSED = 1, 3
 _BLAS_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -69,6 +70,11 @@ def _one_blas_thread() -> None:
 def main() -> None:
     """Run the command line; errors become one line on stderr and an exit code."""
     _one_blas_thread()
+    with command_line():
+        _run()
+
+
+def _run() -> None:
     try:
         cli.main(standalone_mode=False)
     except click.exceptions.Exit as stop:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from dfcgs_codec.bitstream.comments import PlyComments
@@ -23,6 +22,7 @@ from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.paths import AnyPath, path_of
 from dfcgs_codec.transform.control_points import MAX_CONTROL_POINTS
 
 #: longer than any frame header
@@ -183,9 +183,9 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
             info.frames[-1].attribute_bytes |= {a.name: reader.uvarint() for a in attributes}
 
 
-def probe(path: Path | str) -> SequenceInfo:
+def probe(path: AnyPath) -> SequenceInfo:
     """Describe the file at `path`; BitstreamError where its headers do not make sense."""
-    with Path(path).open("rb") as file:
+    with path_of("path", path, "the path of a .dgs file").open("rb") as file:
         container = ContainerReader(file)
         info = SequenceInfo(container.sequence, container.size)
         _collect(container, info)

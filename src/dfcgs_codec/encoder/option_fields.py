@@ -68,6 +68,13 @@ def rate(value: object) -> Fraction:
     return Fraction(number).limit_denominator(_MAX_RATE_DENOMINATOR)
 
 
+def switch(name: str, value: object) -> bool:
+    """`value` as a bool; no text, number or None counts as either."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise refusal(name, value, "True or False")
+    return bool(value)
+
+
 def all_cores() -> int:
     """Processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
@@ -101,9 +108,7 @@ class Switch(OptionField[bool, bool]):
     """True or False, also numpy's; no other value counts as either."""
 
     def _convert(self, value: Any) -> bool:
-        if not isinstance(value, (bool, np.bool_)):
-            raise refusal(self._name, value, "True or False")
-        return bool(value)
+        return switch(self._name, value)
 
 
 class Real(OptionField[float, float]):
