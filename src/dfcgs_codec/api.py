@@ -15,15 +15,14 @@ from typing import BinaryIO
 
 import numpy as np
 
+from dfcgs_codec.arguments import AnyPath, path_of, refusal, switch, whole
 from dfcgs_codec.bitstream.constants import MAGIC, IntraKind
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.encoder.encoder import Progress, encode_frames
-from dfcgs_codec.encoder.option_fields import refusal, switch, whole
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
-from dfcgs_codec.paths import AnyPath, path_of
 from dfcgs_codec.sequence import FrameSource, MemorySource, open_folder
 from dfcgs_codec.spelling import spelled
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import click
 
-from dfcgs_codec.encoder.option_fields import rate
+from dfcgs_codec.arguments import rate
 from dfcgs_codec.encoder.rate_control import Bound
 
 

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
+from dfcgs_codec.arguments import AnyPath, path_of
 from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
@@ -22,7 +23,6 @@ from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.errors import CorruptBitstream
-from dfcgs_codec.paths import AnyPath, path_of
 from dfcgs_codec.transform.control_points import MAX_CONTROL_POINTS
 
 #: longer than any frame header

@@ -6,73 +6,18 @@ InputError that names the field, what was found and what was expected. Ranges ar
 
 from __future__ import annotations
 
-import math
-import operator
 import os
 from collections.abc import Mapping
 from enum import Enum
 from fractions import Fraction
 from typing import Any, Generic, TypeVar
 
-import numpy as np
-
+from dfcgs_codec.arguments import rate, real, refusal, switch, whole
 from dfcgs_codec.errors import InputError
 
-#: of frame rates given as decimal numbers: 29.97 is 2997/100, 30000/1001 as a float is what it was
-_MAX_RATE_DENOMINATOR = 100_000
 _Held = TypeVar("_Held")
 _Given = TypeVar("_Given")
 _Named = TypeVar("_Named", bound=Enum)
-
-
-def refusal(name: str, found: object, expected: str) -> InputError:
-    """The error for a value of the wrong kind."""
-    shown = repr(found)
-    shown = shown if len(shown) <= 60 and "\n" not in shown else "a value"
-    return InputError(f"{name}: found {shown} ({type(found).__name__}), expected {expected}")
-
-
-def real(name: str, value: object, expected: str = "a number") -> float:
-    """`value` as a float: Python's and numpy's numbers, 0-dimensional arrays; no bool, no text."""
-    if isinstance(value, (bool, np.bool_, str, bytes, bytearray)) or getattr(value, "ndim", 0) != 0:
-        raise refusal(name, value, expected)
-    try:
-        return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError, RuntimeError):
-        raise refusal(name, value, expected) from None
-
-
-def whole(name: str, value: object, expected: str = "a whole number") -> int:
-    """`value` as an int: integers of any library, and floats without a fraction."""
-    number = real(name, value, expected)
-    if not number.is_integer():
-        raise refusal(name, value, expected)
-    try:
-        return operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
-        return int(number)
-
-
-def rate(value: object) -> Fraction:
-    """A frame rate from a number or from text such as 29.97 or 30000/1001; ValueError for anything else."""
-    if isinstance(value, Fraction):
-        return value
-    if isinstance(value, str):
-        try:
-            return Fraction(value).limit_denominator(_MAX_RATE_DENOMINATOR)
-        except ZeroDivisionError:
-            raise ValueError("no denominator may be 0") from None
-    number = real("rate", value)
-    if not math.isfinite(number):
-        raise ValueError("no finite number")
-    return Fraction(number).limit_denominator(_MAX_RATE_DENOMINATOR)
-
-
-def switch(name: str, value: object) -> bool:
-    """`value` as a bool; no text, number or None counts as either."""
-    if not isinstance(value, (bool, np.bool_)):
-        raise refusal(name, value, "True or False")
-    return bool(value)
 
 
 def all_cores() -> int:

@@ -10,6 +10,7 @@ from fractions import Fraction
 from typing import Any
 
 from dfcgs_codec._version import __version__
+from dfcgs_codec.arguments import refusal
 from dfcgs_codec.bitstream.constants import (
     MAX_LATENT_STEP_LOG2,
     MAX_NEIGHBOURS,
@@ -31,7 +32,6 @@ from dfcgs_codec.encoder.option_fields import (
     Text,
     Whole,
     WholeOrAuto,
-    refusal,
 )
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, QUALITIES, Bound

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dfcgs_codec.arguments import real
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, STEREO_FRACTION_BITS, Attribute, Precision
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import SH_BANDS
-from dfcgs_codec.encoder.option_fields import real
 from dfcgs_codec.encoder.position_grid import FINEST_EXPONENT, UNITS_PER_STEP_LOG2, plan_position_grid
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
