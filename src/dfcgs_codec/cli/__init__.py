@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 failed, 2 usage, 3 bitstream refused.
 
 from __future__ import annotations
 
+import difflib
 import os
 import sys
 from importlib import import_module
@@ -30,6 +31,21 @@ class _LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if not args:
+            raise click.UsageError(f"name a command: {', '.join(_COMMANDS)}", ctx)
+        return super().parse_args(ctx, args)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in _COMMANDS and not name.startswith("-"):
+            near = difflib.get_close_matches(name, _COMMANDS, 1)
+            other = f"did you mean {near[0]}?" if near else f"there are {', '.join(_COMMANDS)}"
+            raise click.UsageError(f"no command {name!r}; {other}", ctx)
+        return super().resolve_command(ctx, args)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in _COMMANDS:
@@ -76,12 +92,11 @@ def main() -> None:
 
 def _run() -> None:
     try:
-        cli.main(standalone_mode=False)
+        cli.main(prog_name="dfcgs", standalone_mode=False)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
     except click.ClickException as error:
-        error.show()
-        sys.exit(error.exit_code)
+        _fail(_usage(error), error.exit_code)
     except (click.Abort, KeyboardInterrupt):
         _fail("interrupted; nothing was written", EXIT_FAILED)
     except RuntimeError as error:
@@ -100,6 +115,17 @@ def _run() -> None:
         _fail(f"{error.filename or ''}: {error.strerror or error}", EXIT_FAILED)
     except MemoryError:
         _fail("out of memory; use fewer --jobs", EXIT_FAILED)
+
+
+def _usage(error: click.ClickException) -> str:
+    """What is wrong with the arguments, and how the command is used, in one line."""
+    message = " ".join(error.format_message().split())
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    if context is None:
+        return message
+    if isinstance(error, click.MissingParameter):
+        message += " " + " ".join(context.get_usage().split())
+    return f"{message} ('{context.command_path} --help' explains)"
 
 
 def _fail(message: str, code: int) -> None:
