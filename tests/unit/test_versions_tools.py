@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 import subprocess
 import sys
 from types import ModuleType
@@ -48,3 +49,9 @@ def test_a_difference_fails_by_name(
         "1 passed, 1 failed",
     ]
     assert compare.main("one", "one") == 0
+
+
+def test_no_class_of_click_is_subscripted() -> None:
+    """With click 8.1.0 to 8.3.1 that is a TypeError at import; see cli/values.py for the way round."""
+    sources = {path.name: path.read_text() for path in (ROOT / "src" / "dfcgs_codec" / "cli").glob("*.py")}
+    assert [name for name, text in sources.items() if re.search(r"click\.\w+\[", text)] == []
