@@ -23,13 +23,14 @@ from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
-from dfcgs_codec.sequence import FrameSource, MemorySource, open_folder
+from dfcgs_codec.sequence import FrameSource, MemorySource, open_frames
 from dfcgs_codec.spelling import spelled
 
-#: a folder of PLY files, frames in memory or made one after the other, or a source that reads them
-Frames = AnyPath | GaussianCloud | Iterable[GaussianCloud] | FrameSource
+#: a folder of PLY files, such files, frames in memory or made one after the other, or a source of them
+Frames = AnyPath | GaussianCloud | Iterable[GaussianCloud] | Iterable[AnyPath] | FrameSource
 
 _FRAMES = "a folder of PLY files, GaussianClouds in their order, or a source such as open_folder() gives"
+_PATHS = (str, bytes, os.PathLike)
 _SOURCE = ("numbers", "headers", "read")
 
 
@@ -38,12 +39,30 @@ def _source(frames: Frames, keep_bits: bool) -> FrameSource:
         return MemorySource([frames], keep_bits=keep_bits)
     if all(hasattr(frames, name) for name in _SOURCE):
         return _checked_source(frames)  # type: ignore[arg-type]
-    if isinstance(frames, (list, tuple)):
-        return MemorySource(list(_checked(frames)), keep_bits=keep_bits)
     # a set has no order, a dict of arrays is no sequence
-    if isinstance(frames, Iterable) and not isinstance(frames, (str, bytes, Set, Mapping)):
-        return MemorySource([_copy(frame) for frame in _checked(frames)], keep_bits=keep_bits)
-    return open_folder(path_of("frames", frames, _FRAMES))
+    if isinstance(frames, (*_PATHS, Set, Mapping)) or not isinstance(frames, Iterable):
+        return open_frames([path_of("frames", frames, _FRAMES)])
+    listed = list(_listed(frames))
+    paths = [frame for frame in listed if not isinstance(frame, GaussianCloud)]
+    if paths and len(paths) == len(listed):
+        return open_frames(paths)
+    if paths:
+        raise InputError(f"frames: a GaussianCloud and a file ({paths[0]}), expected all of one kind")
+    return MemorySource([frame for frame in listed if isinstance(frame, GaussianCloud)], keep_bits=keep_bits)
+
+
+def _listed(frames: Iterable[object]) -> Iterator[GaussianCloud | Path]:
+    """Each frame; of an iterator a copy: it may fill the same arrays again."""
+    for index, frame in enumerate(frames):
+        if isinstance(frame, GaussianCloud):
+            whole_frame = np.arange(frame.num_gaussians)
+            yield frame.take(whole_frame) if isinstance(frames, Iterator) else frame
+        elif isinstance(frame, _PATHS):
+            yield path_of(f"frame {index}", frame, _FRAMES)
+        elif isinstance(frame, DecodedFrame):
+            raise InputError(f"frame {index}: a DecodedFrame, expected a GaussianCloud: its cloud() is one")
+        else:
+            raise InputError(f"frame {index}: a {type(frame).__name__}, expected a GaussianCloud")
 
 
 def _checked_source(source: FrameSource) -> FrameSource:
@@ -57,23 +76,6 @@ def _checked_source(source: FrameSource) -> FrameSource:
     return source
 
 
-def _checked(frames: Iterable[GaussianCloud]) -> Iterator[GaussianCloud]:
-    for index, frame in enumerate(frames):
-        if isinstance(frame, DecodedFrame):
-            raise InputError(f"frame {index}: a DecodedFrame, expected a GaussianCloud: its cloud() is one")
-        if not isinstance(frame, GaussianCloud):
-            raise InputError(
-                f"frame {index}: a {type(frame).__name__}, expected a GaussianCloud; "
-                "for PLY files, give their folder"
-            )
-        yield frame
-
-
-def _copy(frame: GaussianCloud) -> GaussianCloud:
-    """A generator may fill the same arrays for every frame."""
-    return frame.take(np.arange(frame.num_gaussians))
-
-
 def encode_sequence(
     frames: Frames,
     target: AnyPath,
@@ -84,9 +86,9 @@ def encode_sequence(
 ) -> EncodeReport:
     """Encode frames into the file `target`.
 
-    `frames` is a folder of PLY files; GaussianClouds in a list, a tuple or any iterable, which is gone
-    through once, into memory, before the work begins; a GaussianCloud, as a sequence of one frame; or a
-    FrameSource such as `open_folder` returns. Arrays must stay as they are until the end.
+    `frames` is a folder of PLY files, or the files; GaussianClouds in a list, a tuple or any iterable, which
+    is gone through once, into memory, before the work begins; a GaussianCloud, as a sequence of one frame; or
+    a FrameSource such as `open_folder` returns. Arrays must stay as they are until the end.
     `progress(done, total)` is called from time to time.
     The file appears under its name only when it is whole; an existing one is kept unless `force`.
     Raises InputError for input that cannot be coded or a bound that cannot be kept.
@@ -127,7 +129,7 @@ def _file(path: AnyPath | BinaryIO) -> Path | BinaryIO:
     """A path, or a file that can be decoded from; InputError for anything else."""
     if isinstance(path, bytes) and path.startswith(MAGIC):
         raise InputError("path: found the bytes of a .dgs file, expected its path or io.BytesIO(bytes)")
-    if isinstance(path, (str, bytes, os.PathLike)) or not hasattr(path, "read"):
+    if isinstance(path, _PATHS) or not hasattr(path, "read"):
         return path_of("path", path, "the path of a .dgs file, or the file open for reading bytes")
     if not isinstance(path.read(0), bytes) or not path.seekable():
         raise InputError("path: found a pipe or a file open as text, expected one of bytes that can seek")

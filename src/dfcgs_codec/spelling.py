@@ -15,6 +15,7 @@ from contextvars import ContextVar
 PYTHON = {
     "--allow-gaps": "open_folder(..., allow_gaps=True)",
     "--pattern": "the pattern of open_folder()",
+    "--order-by": "the order_by of open_folder()",
     "--drop-extra": "open_folder(..., policy=InputPolicy(drop_extra=True))",
     "--repair": "open_folder(..., policy=InputPolicy(repair=True))",
     "--force": "force=True",
@@ -34,8 +35,10 @@ PYTHON = {
 }
 #: not in the middle of a word or of a path
 _OPTION = r"(?<![\w./-])"
+#: advice with a value that works as it stands, quoted as a shell needs it
+_CHOICE = r"--(?P<choice>pattern|order-by) (?P<value>'[^']*'|name\b|number\b|[\w/-]+\.ply\b)"
 _KNOWN = "|".join(re.escape(phrase) + r"(?![\w-])" for phrase in sorted(PYTHON, key=len, reverse=True))
-_PHRASE = re.compile(f"{_OPTION}(?:{_KNOWN}|--[a-z][a-z-]*[a-z])")
+_PHRASE = re.compile(f"{_OPTION}(?:{_CHOICE}|{_KNOWN}|--[a-z][a-z-]*[a-z])")
 _on_command_line: ContextVar[bool] = ContextVar("on_command_line", default=False)
 
 
@@ -51,7 +54,18 @@ def command_line() -> Iterator[None]:
 
 def in_python(message: str) -> str:
     """`message` with Python's names of the options in it."""
-    return _PHRASE.sub(lambda found: PYTHON.get(found[0], found[0][2:].replace("-", "_")), message)
+    return _PHRASE.sub(_name, message)
+
+
+def _name(found: re.Match[str]) -> str:
+    if found["choice"]:
+        value = found["value"].strip("'")
+        return f"open_folder(..., {_underscored(found['choice'])}={value!r})"
+    return PYTHON.get(found[0], _underscored(found[0][2:]))
+
+
+def _underscored(option: str) -> str:
+    return option.replace("-", "_")
 
 
 def spelled(message: str) -> str:

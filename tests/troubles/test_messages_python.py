@@ -91,6 +91,12 @@ PHRASES = {
     "--steady needs --steps visibility and no --keep-axes": "steady needs visibility=True and no keep_axes",
     "--exact off codes them anew; '--force'": "exact=False codes them anew; 'force=True'",
     "--fps 0, --gof-size 0.": "frame_rate 0, gof_size 0.",
+    "--pattern 'a_*.ply' takes all, or --order-by name": (
+        "open_folder(..., pattern='a_*.ply') takes all, or open_folder(..., order_by='name')"
+    ),
+    "choose with --pattern, or --order-by.": (
+        "choose with the pattern of open_folder(), or the order_by of open_folder()."
+    ),
     "/data/--force/take--repair/a --b": "/data/--force/take--repair/a --b",
     "no options -- none": "no options -- none",
 }

@@ -177,6 +177,9 @@ KINDS: dict[str, Callable[[Path], Any]] = {
     "chained": lambda folder: itertools.chain(FRAMES[:1], FRAMES[1:]),
     "values of a dict": lambda folder: dict(enumerate(FRAMES)).values(),
     "bytes of a path": lambda folder: bytes(write_frames(folder / "frames", FRAMES)),
+    "a list of files": lambda folder: list(write_frames(folder / "frames", FRAMES).iterdir()),
+    "files of a glob": lambda folder: write_frames(folder / "frames", FRAMES).glob("*.ply"),
+    "a glob": lambda folder: f"{write_frames(folder / 'frames', FRAMES)}/*.ply",
     "text": lambda folder: str(write_frames(folder / "frames", FRAMES)),
 }
 
@@ -215,6 +218,8 @@ NO_FRAMES: list[tuple[Any, str]] = [
     ([None], "frame 0: a NoneType, expected a GaussianCloud"),
     ([FRAMES[0], FRAMES[1].positions], "frame 1: a ndarray, expected a GaussianCloud"),
     ([[FRAMES[0]]], "frame 0: a list"),
+    ([FRAMES[0], "frame_0001.ply"], "a GaussianCloud and a file (frame_0001.ply)"),
+    (["frame_0000.ply", ""], "frame 1: found '' (str)"),
     ([vars(FRAMES[0])], "frame 0: a dict"),
     (FRAMES[0].positions, "frame 0: a ndarray"),
     ([replace(FRAMES[0], opacities=FRAMES[0].opacities * np.nan)], "frame 0: opacities"),
