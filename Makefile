@@ -10,9 +10,11 @@ TORCH ?= torch>=2.2,<2.15
 RUN := out/paper/run
 PRIOR := out/prior
 DEMO := out/demo
+# what shows that other versions of the dependencies do: every conformance stream, exact arithmetic, PLY files
+VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit/transform tests/unit/test_ply.py
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval env-train demo test test-evaluation test-training train train-prior check format golden clean \
+.PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format golden clean \
 	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth drift stress allocation charts fitted
 
 help: ## list the targets
@@ -53,6 +55,20 @@ demo: $(STAMP) ## the main job on a real moving sequence: make frames, encode, d
 
 test: $(STAMP) ## all tests
 	$(BIN)/python -m pytest -n 2
+
+test-oldest: $(STAMP) ## the commands and their bytes with the oldest version of every dependency that is allowed
+	mkdir -p out
+	$(BIN)/python tools/oldest_versions.py > out/oldest.txt
+	$(PYTHON) -m venv .venv-oldest
+	.venv-oldest/bin/pip install --quiet --disable-pip-version-check --constraint out/oldest.txt --editable . pytest pytest-timeout hypothesis
+	$(BIN)/python tools/compare_versions.py $(BIN)/python .venv-oldest/bin/python
+	.venv-oldest/bin/python -m pytest $(VERSIONED)
+
+test-newest: $(STAMP) ## the same with the newest
+	$(PYTHON) -m venv .venv-newest
+	.venv-newest/bin/pip install --quiet --disable-pip-version-check --upgrade --upgrade-strategy eager --editable . pytest pytest-timeout hypothesis
+	$(BIN)/python tools/compare_versions.py $(BIN)/python .venv-newest/bin/python
+	.venv-newest/bin/python -m pytest $(VERSIONED)
 
 test-evaluation: env-eval ## the tests of renderer, metrics, baselines and fitting, which need the extra [eval]
 	$(BIN)/python -m pytest -n 2 tests/evaluation tests/unit/test_fitting.py
@@ -157,4 +173,4 @@ fitted: env-eval ## rebuild the fitted training sequence into out/ (about 15 min
 	$(BIN)/python -m training.fitting fitted_barbarian --out out/fitted_barbarian.zip
 
 clean: ## remove what was built
-	rm -rf out build $(VENV)
+	rm -rf out build $(VENV) .venv-oldest .venv-newest

@@ -1,8 +1,9 @@
 """Does one far Gaussian spoil a scene? `python -m evaluation.far_values`; fails where a bar is missed.
 
 Sequences of four frames, with one Gaussian far away in the first, a middle, the last, or every frame, against
-the same sequence without: bytes a frame more, PSNR lost in the frames in which it is far. That is without the
-Gaussian where it is far in the first frame, from which all is planned, else with it in its place.
+the same sequence with that Gaussian in its place: bytes a frame more, and PSNR lost by all others in the
+frames in which it is far. The same is measured with the Gaussian moved by a hair (`far` 0): where that
+changes as much, it is not the distance: another rounding swaps Gaussians in depth.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ from training.scenes import SceneOptions, animated_sequence, trained_sequence
 from training.scenes.surroundings import SURROUNDINGS
 
 NUM_FRAMES = 4
-FAR = (1e3, 1e4, 1e6, 1e8, 1e12)
+FAR = (0.0, 1e3, 1e5, 1e8, 1e12)
 WHERE = {"first": (0,), "middle": (2,), "last": (3,), "every": (0, 1, 2, 3)}
 QUALITIES = {"medium": 28, "transparent": 8}
 MOST_DECIBEL, MOST_BYTES = 0.1, 64.0
-_GAUSSIAN = 7
+_GAUSSIAN, _HAIR = 7, 1e-3
 
 
 def _scenes() -> Iterator[tuple[str, list[GaussianCloud], list[Camera]]]:
@@ -49,7 +50,7 @@ def _with_far_one(frames: list[GaussianCloud], where: tuple[int, ...], far: floa
     changed = list(frames)
     for index in where:
         positions = frames[index].positions.copy()
-        positions[_GAUSSIAN] = [far, far / 2, -far]
+        positions[_GAUSSIAN] = [far, far / 2, -far] if far else positions[_GAUSSIAN] + np.float32(_HAIR)
         changed[index] = replace(frames[index], positions=positions)
     return changed
 
@@ -69,10 +70,18 @@ def _coded(
         decoded = [frame.cloud() for frame in decode_sequence(target)]
     found = {}
     for index in rated:
-        source = [image(frames[index], camera) for camera in cameras]
-        error = frame_quality(index, source, decoded[index], cameras).visible.mse
+        source = [image(_without(frames[index]), camera) for camera in cameras]
+        error = frame_quality(index, source, _without(decoded[index]), cameras).visible.mse
         found[index] = psnr(error) or np.inf
     return size, found
+
+
+def _misses(row: dict[str, Any], rows: list[dict[str, Any]]) -> bool:
+    """Whether a row is beyond a bar, and beyond what any change of the Gaussian does."""
+    same = [r for r in rows if not r["far"] and (r["scene"], r["quality"]) == (row["scene"], row["quality"])]
+    decibel = max(MOST_DECIBEL, *(abs(r["psnr_lost"]) for r in same))
+    more = max(MOST_BYTES, *(abs(r["bytes_per_frame_more"]) for r in same))
+    return bool(row["psnr_lost"] > decibel or row["bytes_per_frame_more"] > more)
 
 
 def main() -> int:
@@ -81,11 +90,8 @@ def main() -> int:
     for (scene, frames, cameras), (quality, qp) in (
         (found, preset) for found in _scenes() for preset in QUALITIES.items()
     ):
-        everywhere = tuple(range(NUM_FRAMES))
-        in_place = _coded(frames, cameras, everywhere, qp)
-        gone = _coded([_without(frame) for frame in frames], cameras, everywhere, qp)
+        plain_bytes, plain = _coded(frames, cameras, tuple(range(NUM_FRAMES)), qp)
         for place, where in WHERE.items():
-            plain_bytes, plain = gone if 0 in where else in_place
             for far in FAR:
                 size, rated = _coded(_with_far_one(frames, where, far), cameras, where, qp)
                 worse = max(plain[index] - rated[index] for index in where)
@@ -93,7 +99,7 @@ def main() -> int:
                 row = {"scene": scene, "quality": quality, "where": place, "far": far}
                 rows.append(row | {"psnr_lost": round(worse, 3), "bytes_per_frame_more": round(more, 1)})
                 print(rows[-1], flush=True)
-    missed = [r for r in rows if r["psnr_lost"] > MOST_DECIBEL or r["bytes_per_frame_more"] > MOST_BYTES]
+    missed = [row for row in rows if _misses(row, rows)]
     write_result("far_values", {"frames": NUM_FRAMES, "bars": [MOST_DECIBEL, MOST_BYTES]}, rows)
     for row in missed:
         print(f"missed: {row}", file=sys.stderr)

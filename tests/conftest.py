@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+import pytest
 from hypothesis import HealthCheck, settings
+
+from dfcgs_codec.spelling import command_line
 
 settings.register_profile(
     "suite",
@@ -13,3 +18,10 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 settings.load_profile("suite")
+
+
+@pytest.fixture(autouse=True)
+def messages_as_written() -> Iterator[None]:
+    """Tests look for messages as the source has them; those of Python's names put another in its place."""
+    with command_line():
+        yield

@@ -17,6 +17,7 @@ PUBLIC = {
     "EncoderOptions",
     "GaussianCloud",
     "InputError",
+    "InputPolicy",
     "LimitExceeded",
     "ModelMismatch",
     "NotADgsFile",
@@ -26,6 +27,7 @@ PUBLIC = {
     "__version__",
     "decode_sequence",
     "encode_sequence",
+    "open_folder",
     "probe",
 }
 

@@ -1,6 +1,7 @@
 """A codec for sequences of 3D Gaussian Splatting frames.
 
     encode_sequence(folder, "out.dgs")      PLY folder (or GaussianClouds) -> one file
+    open_folder(folder, ...)                for encode_sequence: which PLYs, and what of odd ones
     decode_sequence("out.dgs")              -> frames, one after the other
     probe("out.dgs")                        what is in it, from the headers alone
 
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from dfcgs_codec.encoder.options import EncoderOptions
     from dfcgs_codec.encoder.rate_control import Bound
     from dfcgs_codec.gaussians import GaussianCloud
+    from dfcgs_codec.ply import InputPolicy
+    from dfcgs_codec.sequence import open_folder
 
 _LAZY = {
     "encode_sequence": "dfcgs_codec.api",
@@ -40,6 +43,8 @@ _LAZY = {
     "EncoderOptions": "dfcgs_codec.encoder.options",
     "Bound": "dfcgs_codec.encoder.rate_control",
     "GaussianCloud": "dfcgs_codec.gaussians",
+    "InputPolicy": "dfcgs_codec.ply",
+    "open_folder": "dfcgs_codec.sequence",
 }
 
 __all__ = [
@@ -50,6 +55,7 @@ __all__ = [
     "EncoderOptions",
     "GaussianCloud",
     "InputError",
+    "InputPolicy",
     "LimitExceeded",
     "ModelMismatch",
     "NotADgsFile",
@@ -59,6 +65,7 @@ __all__ = [
     "__version__",
     "decode_sequence",
     "encode_sequence",
+    "open_folder",
     "probe",
 ]
 

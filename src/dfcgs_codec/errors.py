@@ -14,15 +14,23 @@ DfcgsError
 
 from __future__ import annotations
 
+from dfcgs_codec.spelling import spelled
+
 
 class DfcgsError(Exception):
-    """Base of all errors; `code` is stable across releases, `offset` a byte position or None."""
+    """Base of all errors; `code` is stable across releases, `offset` a byte position or None.
+
+    Messages are written with the options of the command line; `str` calls them as Python does, outside it.
+    """
 
     code = "error"
 
     def __init__(self, message: str, *, offset: int | None = None) -> None:
         self.offset = offset
         super().__init__(message if offset is None else f"{message} (byte {offset})")
+
+    def __str__(self) -> str:
+        return spelled(super().__str__())
 
 
 class BitstreamError(DfcgsError):

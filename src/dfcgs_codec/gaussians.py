@@ -15,7 +15,8 @@ Each is float32, or float64 where its file has doubles; N may be 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,26 @@ Floats = npt.NDArray[np.floating]
 
 #: number of higher SH coefficients per colour channel, indexed by SH degree
 SH_REST_COEFFICIENTS = (0, 3, 8, 15)
+
+
+def _array(name: str, values: Any) -> npt.NDArray[Any]:
+    """`values` as a plain array in this machine's byte order: of lists, of tensors in main memory.
+
+    Its type of numbers stays what it is. InputError for what is no array, and for masked values.
+    """
+    if type(values) is np.ndarray and values.dtype.isnative and values.ndim:
+        return values
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise InputError(
+            f"GaussianCloud.{name}: a {type(values).__name__} that is no array: {error}"
+        ) from None
+    if not array.ndim:
+        raise InputError(f"GaussianCloud.{name}: found a {type(values).__name__}, expected a numpy array")
+    if np.ma.is_masked(values):
+        raise InputError(f"GaussianCloud.{name}: masked values; take() or fill in what is to be coded")
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +62,8 @@ class GaussianCloud:
     sh_rest: Floats
 
     def __post_init__(self) -> None:
+        for field in fields(self):
+            object.__setattr__(self, field.name, _array(field.name, getattr(self, field.name)))
         n = len(self.positions)
         k = self.sh_rest.shape[-1] if self.sh_rest.ndim == 3 else -1
         expected = {

@@ -134,7 +134,7 @@ class FolderSource:
 
 
 def open_folder(
-    folder: Path,
+    folder: Path | str,
     pattern: str = DEFAULT_PATTERN,
     *,
     allow_gaps: bool = False,

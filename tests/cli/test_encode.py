@@ -34,9 +34,8 @@ def fails(done: subprocess.CompletedProcess[str], code: int, *words: str) -> Non
     assert "Traceback" not in done.stderr
     for word in words:
         assert word in done.stderr
-    if code != 2:
-        assert done.stderr.startswith("dfcgs: ")
-        assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith("dfcgs: ")
+    assert len(done.stderr.splitlines()) == 1
 
 
 def test_report_on_stdout(frames_dir: Path, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ Exit codes: 0 done, 1 failed, 2 usage, 3 bitstream refused.
 
 from __future__ import annotations
 
+import difflib
 import os
 import sys
 from importlib import import_module
@@ -14,6 +15,7 @@ import click
 from dfcgs_codec._version import __version__
 from dfcgs_codec.cli.ends import ended_by_signals, message
 from dfcgs_codec.errors import BitstreamError, DfcgsError
+from dfcgs_codec.spelling import command_line
 
 EXIT_FAILED, EXIT_REFUSED = 1, 3
 _BLAS_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -30,6 +32,21 @@ class _LazyGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if not args:
+            raise click.UsageError(f"name a command: {', '.join(_COMMANDS)}", ctx)
+        return super().parse_args(ctx, args)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in _COMMANDS and not name.startswith("-"):
+            near = difflib.get_close_matches(name, _COMMANDS, 1)
+            other = f"did you mean {near[0]}?" if near else f"there are {', '.join(_COMMANDS)}"
+            raise click.UsageError(f"no command {name!r}; {other}", ctx)
+        return super().resolve_command(ctx, args)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in _COMMANDS:
@@ -70,18 +87,17 @@ def _one_blas_thread() -> None:
 def main() -> None:
     """Run the command line; errors become one line on stderr and an exit code."""
     _one_blas_thread()
-    with ended_by_signals():
+    with ended_by_signals(), command_line():
         _run()
 
 
 def _run() -> None:
     try:
-        cli.main(standalone_mode=False)
+        cli.main(prog_name="dfcgs", standalone_mode=False)
     except click.exceptions.Exit as stop:
         sys.exit(stop.exit_code)
     except click.ClickException as error:
-        error.show()
-        sys.exit(error.exit_code)
+        _fail(_usage(error), error.exit_code)
     except (click.Abort, KeyboardInterrupt) as error:
         _fail(message(error), EXIT_FAILED)
     except BitstreamError as error:
@@ -112,6 +128,17 @@ def _system_error(error: OSError) -> str:
     """What the system says, and of which file."""
     reason = error.strerror or str(error) or type(error).__name__
     return f"{error.filename}: {reason}" if error.filename else reason
+
+
+def _usage(error: click.ClickException) -> str:
+    """What is wrong with the arguments, and how the command is used, in one line."""
+    text = " ".join(error.format_message().split())
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    if context is None:
+        return text
+    if isinstance(error, click.MissingParameter):
+        text += " " + " ".join(context.get_usage().split())
+    return f"{text} ('{context.command_path} --help' explains)"
 
 
 def _fail(text: str, code: int) -> None:

@@ -10,6 +10,7 @@ import click
 
 from dfcgs_codec.cli.outputs import output_folder
 from dfcgs_codec.cli.progress import progress_bar
+from dfcgs_codec.cli.values import frame_range
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.salvage import salvage
 from dfcgs_codec.errors import CorruptBitstream, InputError
@@ -24,23 +25,6 @@ Examples:
   dfcgs decode out.dgs --check-only
   dfcgs decode damaged.dgs rescued/ --salvage
 """
-
-
-class _Range(click.ParamType[tuple[int, int | None]]):
-    name = "A:B"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int | None]:
-        start, colon, stop = str(value).partition(":")
-        try:
-            first = int(start) if start else 0
-            last = (int(stop) if stop else None) if colon else first + 1
-        except ValueError:
-            self.fail(f"{value!r} is not a range such as 10:20, 10: or 10", param, ctx)
-        if first < 0 or (last is not None and last <= first):
-            self.fail(f"{value!r} holds no frames; A:B is frame A up to, not with, frame B", param, ctx)
-        return first, last
 
 
 def _frames(file: BinaryIO, values: dict[str, Any], losses: list[str]) -> tuple[Iterator[DecodedFrame], int]:
@@ -88,7 +72,9 @@ def _run(file: BinaryIO, write: Callable[[DecodedFrame], None], values: dict[str
 @click.command(epilog=_EPILOG)
 @click.argument("file", type=click.Path(path_type=Path, exists=True, dir_okay=False))
 @click.argument("output_dir", type=click.Path(), required=False, callback=output_folder)
-@click.option("--frames", type=_Range(), help="Only frames A to B - 1, counted from 0; seeks.")
+@click.option(
+    "--frames", type=frame_range, metavar="A:B", help="Only frames A to B - 1, counted from 0; seeks."
+)
 @click.option("--check-only", is_flag=True, help="Decode and check every hash, write nothing.")
 @click.option(
     "--salvage", is_flag=True, help="Write all frames that a damaged or truncated file still holds."

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import click
 
 from dfcgs_codec.api import encode_sequence
-from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder, Profile
+from dfcgs_codec.bitstream.constants import ControlRule, Profile
+from dfcgs_codec.cli import values as parse
 from dfcgs_codec.cli.outputs import output_file
 from dfcgs_codec.cli.progress import progress_bar
-from dfcgs_codec.encoder.options import EncoderOptions, MotionMode, RefinementMode
+from dfcgs_codec.encoder.options import COMPENSATIONS, EncoderOptions, MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
-from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES, Bound
+from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import InputError, VerificationError
 from dfcgs_codec.files import check_file_target
@@ -37,65 +36,27 @@ Examples:
 """
 
 
-class _Rate(click.ParamType[Fraction]):
-    name = "rate"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Fraction:
-        try:
-            return Fraction(value).limit_denominator(100_000)
-        except (ValueError, ZeroDivisionError):
-            self.fail(f"{value!r} is not a frame rate such as 30, 29.97 or 30000/1001", param, ctx)
-
-
-class _GofSize(click.ParamType[int | None]):
-    name = "auto|frames"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int | None:
-        if value == "auto":
-            return None
-        try:
-            return int(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither auto nor a number of frames", param, ctx)
-
-
-class _Bound(click.ParamType[Bound]):
-    name = "attribute=value"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Bound:
-        attribute, _, number = str(value).partition("=")
-        try:
-            return Bound(attribute, float(number))
-        except ValueError:
-            self.fail(f"{value!r} is not like position=0.001", param, ctx)
-
-
-_COMPENSATIONS = {"main": Compensation.GATHER, "paper": Compensation.SPREAD}
-_CONTROL_RULES = {rule.name.lower(): rule for rule in ControlRule}
-
-
 def _options(values: dict[str, Any]) -> EncoderOptions:
-    qp = values["qp"] if values["qp"] is not None else QUALITIES[values["quality"]]
     return EncoderOptions(
-        qp=qp,
+        qp=values["quality"] if values["qp"] is None else values["qp"],
         bounds=values["bound"],
         gof_size=values["gof_size"],
-        motion=MotionMode(values["motion"]),
-        compensation=_COMPENSATIONS[values["compensation"]],
-        control_rule=_CONTROL_RULES[values["control_points"]],
+        motion=values["motion"],
+        compensation=values["compensation"],
+        control_rule=values["control_points"],
         control_spacing=values["control_spacing"],
         num_neighbours=values["control_neighbours"],
-        profile=Profile[values["profile"].upper()],
+        profile=values["profile"],
         latent_step=values["latent_step"],
-        refinement=RefinementMode(values["refinement"]),
+        refinement=values["refinement"],
         visibility=values["steps"] == "visibility",
         cover=values["cover"] == "auto",
         balance=values["balance"] == "auto",
         steady=values["steady"],
         exact=values["exact"] == "auto",
-        prior=PriorMode(values["prior"]),
-        intra=IntraKind[values["intra"].upper()],
-        order=OutputOrder[values["order"].upper()],
+        prior=values["prior"],
+        intra=values["intra"],
+        order=values["order"],
         frame_rate=values["fps"],
         keep_axes=values["keep_axes"],
         jobs=values["jobs"],
@@ -144,13 +105,15 @@ def _summary(report: EncodeReport, target: Path) -> str:
 )
 @click.option(
     "--bound",
-    type=_Bound(),
+    type=parse.bound,
+    metavar="ATTRIBUTE=VALUE",
     multiple=True,
     help=f"Guarantee a maximum error; {', '.join(BOUND_UNITS)}. Repeatable.",
 )
 @click.option(
     "--gof-size",
-    type=_GofSize(),
+    type=parse.gof_size,
+    metavar="[auto|FRAMES]",
     default="auto",
     show_default=True,
     help="Frames from one I-frame to the next, at most; auto: the encoder chooses, 60 at most, "
@@ -165,14 +128,14 @@ def _summary(report: EncodeReport, target: Path) -> str:
 )
 @click.option(
     "--compensation",
-    type=click.Choice(list(_COMPENSATIONS)),
+    type=click.Choice(list(COMPENSATIONS)),
     default="main",
     show_default=True,
     help="How control points carry the Gaussians along; paper: as D-FCGS does it, for comparison.",
 )
 @click.option(
     "--control-points",
-    type=click.Choice(list(_CONTROL_RULES)),
+    type=click.Choice([rule.name.lower() for rule in ControlRule]),
     default="farthest",
     show_default=True,
     help="How control points are chosen.",
@@ -264,7 +227,12 @@ def _summary(report: EncodeReport, target: Path) -> str:
     help="Order of decoded Gaussians: one for the sequence, the input's, or any.",
 )
 @click.option(
-    "--fps", type=_Rate(), default="30", show_default=True, help="Frame rate to write into the file."
+    "--fps",
+    type=parse.frame_rate,
+    metavar="RATE",
+    default="30",
+    show_default=True,
+    help="Frame rate to write into the file.",
 )
 @click.option("--keep-axes", is_flag=True, help="Keep the order and signs of each Gaussian's axes.")
 @click.option(
@@ -285,7 +253,7 @@ def _summary(report: EncodeReport, target: Path) -> str:
 @click.option("--allow-gaps", is_flag=True, help="Accept missing frame numbers.")
 @click.option("--drop-extra", is_flag=True, help="Leave out PLY properties that the codec does not keep.")
 @click.option("--repair", is_flag=True, help="Replace NaN, infinities and zero quaternions.")
-@click.option("--jobs", type=int, default=os.cpu_count() or 1, show_default="all cores", help="Processes.")
+@click.option("--jobs", type=int, default=None, show_default="all cores", help="Processes.")
 @click.option("--verify", is_flag=True, help="Decode the file in a fresh process and compare.")
 @click.option("--force", is_flag=True, help="Replace an existing file.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
+from dfcgs_codec.arguments import AnyPath, path_of
 from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
@@ -183,9 +183,9 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
             info.frames[-1].attribute_bytes |= {a.name: reader.uvarint() for a in attributes}
 
 
-def probe(path: Path | str) -> SequenceInfo:
+def probe(path: AnyPath) -> SequenceInfo:
     """Describe the file at `path`; BitstreamError where its headers do not make sense."""
-    with Path(path).open("rb") as file:
+    with path_of("path", path, "the path of a .dgs file").open("rb") as file:
         container = ContainerReader(file)
         info = SequenceInfo(container.sequence, container.size)
         _collect(container, info)

@@ -159,8 +159,8 @@ def _write(
         )
     if report.num_escapes:
         report.notes.append(
-            f"{report.num_escapes} values in {report.escaped_frames} frames lie outside the grids planned "
-            "from the first frame, or are not finite: they are kept exactly, beside the others"
+            f"{report.num_escapes} values in {report.escaped_frames} frames lie far from all others, "
+            "outside the grids planned from the first frame, or are not finite: they are kept exactly"
         )
     report.num_bytes = writer.size
     return report

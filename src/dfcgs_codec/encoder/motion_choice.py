@@ -18,6 +18,7 @@ from dfcgs_codec.codec.motion_field import level_starts
 from dfcgs_codec.encoder.analysis import Planes, moved_rows
 from dfcgs_codec.encoder.motion_estimation import Moments, MotionQuantiser, ancestors_of, measure, trusted
 from dfcgs_codec.encoder.motion_judge import MotionJudge
+from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.encoder.streams import Streams
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.rotation import STEREO_ONE
@@ -141,6 +142,9 @@ class _Search:
         """Where everything goes, those that do not go with the others counting less."""
         task, field = self._task, self._task.motion.field
         rows = np.flatnonzero(task.changed)
+        _, source, target = self._paths(rows)
+        # one that lies, or flies, apart from all others says nothing of how these move
+        rows = rows[~(far_ones(source) | far_ones(target - source))]
         some = rows[:: max(1, len(rows) // _FIRST_MEASURED)]
         header = MotionHeader(field.num_points, 0, *motion_steps(task))
         first = MotionQuantiser(field, measure(*self._paths(some), field.num_points), header, 0.0)

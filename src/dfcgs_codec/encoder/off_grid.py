@@ -1,7 +1,7 @@
 """Values that the grids of a sequence do not hold: found in the input, kept exactly beside the coded frame.
 
-A far Gaussian then spoils nothing for the others: on the grid it stands at the border, and the decoder puts
-its exact value in its place.
+So are positions of one or two Gaussians that lie apart from all others. These then spoil nothing: on the grid
+they stand where they stood before, or at the border, and the decoder puts the exact values in their places.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from dfcgs_codec.bitstream.sequence_header import SequenceHeader, UnitExponents
 from dfcgs_codec.codec.dpb import columns_of
 from dfcgs_codec.encoder.frame_coding import CodedFrame
 from dfcgs_codec.encoder.plan import BLOCK_LOG2
+from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.gaussians import GaussianCloud
 
 Int64 = npt.NDArray[np.int64]
@@ -37,11 +38,16 @@ class Grids:
 
     units: UnitExponents
 
-    def split(self, cloud: GaussianCloud) -> tuple[GaussianCloud, Escapes | None]:
+    def split(
+        self, cloud: GaussianCloud, before: GaussianCloud | None = None
+    ) -> tuple[GaussianCloud, Escapes | None]:
         """`cloud` with values that the grids hold, its positions taken from the origin, and all others.
 
-        The rows of these are those of the input.
+        The rows of these are those of the input; `before`: the frame before, as this gave it.
         """
+        held = None
+        if before is not None and before.num_gaussians == cloud.num_gaussians:
+            held = before.positions
         found: dict[str, Floats] = {}
         rows: list[Int64] = []
         columns: list[Int64] = []
@@ -51,7 +57,7 @@ class Grids:
             on_grid = self._taken_from_origin(values) if name == "positions" else values
             off = _off_grid(on_grid, name, limit)
             if off is not None:
-                on_grid = _stand_ins(on_grid, off, name, limit)
+                on_grid = _stand_ins(on_grid, off, name, limit, held)
                 row, column = np.nonzero(off)
                 rows.append(row)
                 columns.append(first + column)
@@ -90,16 +96,22 @@ def _off_grid(values: Floats, name: str, limit: float) -> Bool | None:
         return np.broadcast_to(off[:, None], values.shape) if off.any() else None
     # the comparison is false for NaN
     held = np.abs(values) <= limit
-    return None if held.all() else ~held
+    if name != "positions":
+        return None if held.all() else ~held
+    rows: Bool = np.asarray(held.all(axis=1))
+    rows[rows] = ~far_ones(values[rows])
+    return None if rows.all() else np.broadcast_to(~rows[:, None], values.shape)
 
 
-def _stand_ins(values: Floats, off: Bool, name: str, limit: float) -> Floats:
-    """What stands on the grid in their place: its border, or nothing in particular."""
+def _stand_ins(values: Floats, off: Bool, name: str, limit: float, held: Floats | None) -> Floats:
+    """What stands on the grid in their place; `held` are the positions before."""
     if name == "rotations":
         return np.where(off, np.array(_NO_ROTATION, values.dtype), values)
-    # predictions from colours at the very border would leave the state; positions are not predicted
-    border_at = limit if name == "positions" else limit / 16
-    border = np.clip(np.where(np.isnan(values), 0, values), -border_at, border_at)
+    if name == "positions":
+        # the corner is the last place in canonical order: others keep theirs
+        return np.where(off, limit if held is None else held, values).astype(values.dtype)
+    # predictions from values at the very border would leave the state
+    border = np.clip(np.where(np.isnan(values), 0, values), -limit / 16, limit / 16)
     return np.where(off, border, values).astype(values.dtype)
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
+from typing import Any
 
 from dfcgs_codec._version import __version__
+from dfcgs_codec.arguments import refusal
 from dfcgs_codec.bitstream.constants import (
     MAX_LATENT_STEP_LOG2,
     MAX_NEIGHBOURS,
@@ -17,6 +20,18 @@ from dfcgs_codec.bitstream.constants import (
     IntraKind,
     OutputOrder,
     Profile,
+)
+from dfcgs_codec.encoder.option_fields import (
+    Choice,
+    NamedReal,
+    OptionField,
+    Processes,
+    Rate,
+    Real,
+    Switch,
+    Text,
+    Whole,
+    WholeOrAuto,
 )
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, QUALITIES, Bound
@@ -54,6 +69,27 @@ class RefinementMode(Enum):
     ON = "on"
 
 
+#: how the command line and Python call the rules that carry Gaussians along
+COMPENSATIONS = {"main": Compensation.GATHER, "paper": Compensation.SPREAD}
+
+
+class Bounds(
+    OptionField[tuple[Bound, ...], Mapping[str, float] | Iterable[Bound | tuple[str, float]] | None]
+):
+    """Largest errors: `{"position": 0.001}`, `[Bound("position", 0.001)]`, pairs, or None."""
+
+    def _convert(self, value: Any) -> tuple[Bound, ...]:
+        if isinstance(value, Bound):
+            return (value,)
+        if value is None:
+            return ()
+        items = value.items() if isinstance(value, Mapping) else value
+        try:
+            return tuple(item if isinstance(item, Bound) else Bound(*item) for item in items)
+        except TypeError:
+            raise refusal(self._name, value, 'a mapping such as {"position": 0.001}') from None
+
+
 def _log2(value: float) -> float:
     """log2 of a power of two, nan for anything else."""
     if not 0 < value < math.inf or math.frexp(value)[0] != 0.5:
@@ -63,50 +99,56 @@ def _log2(value: float) -> float:
 
 @dataclass(frozen=True)
 class EncoderOptions:
-    """Settings of one encode; InputError for values out of range.
+    """Settings of one encode; InputError for a value of the wrong kind or out of range, by its name.
 
-    `qp` 0 (finest) to 51, the step doubles every 6; `bounds` replace the steps of their attributes and
-    guarantee a maximum error; `gof_size` frames at most from one I-frame to the next, None: the encoder
-    chooses, 60 at most; `keep_axes` leaves
-    the order and signs of each Gaussian's axes as they were; `compensation` SPREAD is the paper's rule, with
-    control points moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one
-    control point for `control_spacing` Gaussians (M of the paper);
+    Numbers may be numpy's; choices are their names in small letters, as the command line takes them
+    (`order="input"`, `motion="off"`, `intra="ply"`, `profile="paper"`, `compensation="paper"`), or members of
+    their enumerations; `frame_rate` may be 30, 29.97, "30000/1001" or a Fraction; `bounds` a mapping such
+    as `{"position": 0.001}`.
+
+    `qp` 0 (finest) to 51, the step doubles every 6, or "low", "medium", "high" or "transparent"; `bounds`
+    replace the steps of their attributes and guarantee a maximum error; `gof_size` frames at most from one
+    I-frame to the next, None: the encoder chooses, 60 at most; `keep_axes` leaves the order and signs of each
+    Gaussian's axes as they were; `compensation` SPREAD ("paper") is the paper's rule, with control points
+    moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one control point for
+    `control_spacing` Gaussians (M of the paper);
     `visibility`: steps are coarser for what shows less; `cover`: so they are for what lies behind others;
     `balance`: steps of attributes follow what they show in the first frame; `steady`: P-frames have steps
     fine enough to stay about as good as I-frames; `exact`: values that the
     input has quantised are kept as they are, where that is smaller;
     `intra_zero_bin` is that of I-frames; `prior`: which streams of P-frames take
-    the frozen prior; `model_id` names another model than the profile's own; `jobs` processes.
+    the frozen prior; `model_id` names another model than the profile's own; `jobs` processes, None: one for
+    each core.
 
     With `profile` PAPER P-frames have motion by the model's network and nothing else: `latent_step` is the
     paper's q', a power of two, and a `gof_size` of None means its 10 frames.
     """
 
-    qp: float = QUALITIES["medium"]
-    bounds: tuple[Bound, ...] = ()
-    gof_size: int | None = None
-    intra: IntraKind = IntraKind.CODED
-    order: OutputOrder = OutputOrder.SEQUENCE
-    frame_rate: Fraction = Fraction(30)
-    zero_bin: float = 0.6
-    keep_axes: bool = False
-    motion: MotionMode = MotionMode.AUTO
-    compensation: Compensation = Compensation.GATHER
-    control_rule: ControlRule = ControlRule.FARTHEST
-    control_spacing: int = 70
-    num_neighbours: int = 30
-    profile: Profile = Profile.MAIN
-    model_id: str | None = None
-    prior: PriorMode = PriorMode.AUTO
-    latent_step: float = 1.0
-    refinement: RefinementMode = RefinementMode.AUTO
-    visibility: bool = True
-    cover: bool = True
-    balance: bool = True
-    steady: bool = False
-    exact: bool = True
-    intra_zero_bin: float = 0.6
-    jobs: int = 1
+    qp: NamedReal = NamedReal(QUALITIES["medium"], QUALITIES)
+    bounds: Bounds = Bounds(())
+    gof_size: WholeOrAuto = WholeOrAuto(None)
+    intra: Choice[IntraKind] = Choice(IntraKind.CODED)
+    order: Choice[OutputOrder] = Choice(OutputOrder.SEQUENCE)
+    frame_rate: Rate = Rate(Fraction(30))
+    zero_bin: Real = Real(0.6)
+    keep_axes: Switch = Switch(False)
+    motion: Choice[MotionMode] = Choice(MotionMode.AUTO)
+    compensation: Choice[Compensation] = Choice(Compensation.GATHER, COMPENSATIONS)
+    control_rule: Choice[ControlRule] = Choice(ControlRule.FARTHEST)
+    control_spacing: Whole = Whole(70)
+    num_neighbours: Whole = Whole(30)
+    profile: Choice[Profile] = Choice(Profile.MAIN)
+    model_id: Text = Text(None)
+    prior: Choice[PriorMode] = Choice(PriorMode.AUTO)
+    latent_step: Real = Real(1.0)
+    refinement: Choice[RefinementMode] = Choice(RefinementMode.AUTO)
+    visibility: Switch = Switch(True)
+    cover: Switch = Switch(True)
+    balance: Switch = Switch(True)
+    steady: Switch = Switch(False)
+    exact: Switch = Switch(True)
+    intra_zero_bin: Real = Real(0.6)
+    jobs: Processes = Processes(1)
 
     def __post_init__(self) -> None:
         checks = {

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dfcgs_codec.arguments import real
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, STEREO_FRACTION_BITS, Attribute, Precision
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import SH_BANDS
@@ -73,7 +74,8 @@ class Bound:
     value: float
 
     def __post_init__(self) -> None:
-        if self.attribute not in BOUND_UNITS:
+        object.__setattr__(self, "value", real("Bound.value", self.value, "a number above 0"))
+        if not isinstance(self.attribute, str) or self.attribute not in BOUND_UNITS:
             known = ", ".join(f"{name} ({unit})" for name, unit in BOUND_UNITS.items())
             raise InputError(f"--bound {self.attribute}: unknown; known are {known}")
         if not (self.value > 0 and math.isfinite(self.value)):

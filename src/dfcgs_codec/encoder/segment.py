@@ -123,13 +123,14 @@ class SegmentEncoder:
         if plan.header.profile == Profile.PAPER:
             self._latent_coder = LatentCoder(plan, latent_model(plan.header.model_id))
         self._meter = ErrorMeter(plan.header.unit_exponents)
+        self._before: GaussianCloud | None = None
         self._anchors: dict[int, _Anchor] = {}
         self._names: dict[int, AxisNames] = {}
 
     def encode(self, start: int, stop: int, on_frame: Callable[[], None] | None = None) -> CodedSegment:
         """Frames start..stop - 1; calls `on_frame` after each."""
         # what is remembered from frame to frame begins anew: bytes do not depend on who coded what
-        self._inter_coder = InterCoder(self._plan)
+        self._inter_coder, self._before = InterCoder(self._plan), None
         segment = CodedSegment()
         loop: _Loop | None = None
         measured: Future[None] | None = None
@@ -161,7 +162,8 @@ class SegmentEncoder:
     def _read(self, index: int) -> _Input:
         original, notes = self._source.read(index)
         check_announced(self._source, index, original, self._plan.header.sh_degree)
-        cloud, escapes = self._grids.split(original)
+        cloud, escapes = self._grids.split(original, self._before)
+        self._before = cloud
         return _Input(original, cloud, self._targets.planes(cloud), escapes, notes)
 
     def _next(self, index: int, frame: _Input, before: _Loop | None) -> _Loop:

@@ -47,7 +47,7 @@ def test_a_motion_is_a_turn_about_its_pivot() -> None:
     moved = displacements(
         RigidMotion(pivot, shift, turn).table(), np.zeros(200, np.int64), x.T.astype(np.float64)
     )
-    rotation = Rotation.from_quat(from_stereo(turn)[0] / ONE, scalar_first=True)
+    rotation = Rotation.from_quat(np.roll(from_stereo(turn)[0] / ONE, -1))
     expected = rotation.apply(x - pivot) + pivot + shift - x
     assert np.abs(moved.T - expected).max() < 1.0
 

@@ -1,0 +1,50 @@
+"""What options take besides numbers and names; functions, because click's own types differ by version."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import click
+
+from dfcgs_codec.arguments import rate
+from dfcgs_codec.encoder.rate_control import Bound
+
+
+def frame_rate(text: str) -> Fraction:
+    """`30`, `29.97` or `30000/1001`."""
+    try:
+        return rate(text)
+    except ValueError:
+        raise click.BadParameter(f"{text!r} is not a frame rate such as 30, 29.97 or 30000/1001") from None
+
+
+def gof_size(text: str) -> int | None:
+    """A number of frames; None for `auto`."""
+    if text == "auto":
+        return None
+    try:
+        return int(text)
+    except ValueError:
+        raise click.BadParameter(f"{text!r} is neither auto nor a number of frames") from None
+
+
+def bound(text: str) -> Bound:
+    """`attribute=value`."""
+    attribute, _, number = text.partition("=")
+    try:
+        return Bound(attribute, float(number))
+    except ValueError:
+        raise click.BadParameter(f"{text!r} is not like position=0.001") from None
+
+
+def frame_range(text: str) -> tuple[int, int | None]:
+    """`A:B`, `A:`, `:B` or `A`: the first frame, and the end or None."""
+    start, colon, stop = text.partition(":")
+    try:
+        first = int(start) if start else 0
+        last = (int(stop) if stop else None) if colon else first + 1
+    except ValueError:
+        raise click.BadParameter(f"{text!r} is not a range such as 10:20, 10: or 10") from None
+    if first < 0 or (last is not None and last <= first):
+        raise click.BadParameter(f"{text!r} holds no frames; A:B is frame A up to, not with, frame B")
+    return first, last
