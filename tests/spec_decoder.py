@@ -654,6 +654,8 @@ def axis_flip(q: Row, f: int) -> Row:
 
 
 def scaled(symbols: Matrix, step: int) -> Matrix:
+    """9.3: symbols of all attributes keep a limit, ROTATION included."""
+    require(all(abs(value) <= 2 * STATE_LIMIT // step for row in symbols for value in row))
     return [[value * step for value in row] for row in symbols]
 
 
