@@ -13,6 +13,7 @@ PUBLIC = {
     "BitstreamError",
     "Bound",
     "CorruptBitstream",
+    "DecoderLimits",
     "DfcgsError",
     "EncoderOptions",
     "GaussianCloud",
@@ -20,6 +21,7 @@ PUBLIC = {
     "LimitExceeded",
     "ModelMismatch",
     "NotADgsFile",
+    "ResourceLimit",
     "TruncatedBitstream",
     "UnsupportedBitstream",
     "VerificationError",
@@ -62,6 +64,7 @@ def test_error_codes_are_stable_and_distinct() -> None:
         "TruncatedBitstream": "truncated",
         "CorruptBitstream": "corrupt",
         "LimitExceeded": "limit",
+        "ResourceLimit": "resources",
         "InputError": "input",
         "VerificationError": "verification",
     }

@@ -523,11 +523,8 @@ def _derived() -> dict[str, bytes]:
     return {
         "ancillary_chunk": _with_chunk(_read("skipped_frames_sh0"), 0xB3),
         "numbers_with_gaps": _with_gaps(_read("skipped_frames_sh0")),
-<<<<<<< HEAD
         "ply_comments": _with_chunk(_read("skipped_frames_sh0"), ChunkType.PLY_COMMENTS),
-=======
         "paper_refined_after_verbatim_sh0": _refined_alone(_still_after_verbatim()),
->>>>>>> eed41e8 (REFINEMENT at SH degree 0 ends verbatim values, as the text has it; the tests' decoder knows the limit of rotation symbols)
     }
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dfcgs_codec.bitstream.constants import IntraKind
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
+from dfcgs_codec.codec.limits import DecoderLimits
 from dfcgs_codec.encoder.encoder import Progress, encode_frames
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.report import EncodeReport
@@ -47,12 +48,18 @@ def encode_sequence(
 
 
 def decode_sequence(
-    path: Path | str, start: int = 0, stop: int | None = None, *, check: bool = True
+    path: Path | str,
+    start: int = 0,
+    stop: int | None = None,
+    *,
+    check: bool = True,
+    limits: DecoderLimits | None = None,
 ) -> Iterator[DecodedFrame]:
     """Frames start..stop - 1 of the file at `path`, one after the other; `frame.cloud()` has the values.
 
-    Raises BitstreamError for a file that is refused and, with `check`, VerificationError where a frame's
-    hash is not the encoder's.
+    Raises BitstreamError for a file that is refused, ResourceLimit among them for one that asks for more
+    memory or work than `limits` (DecoderLimits(): 2 GiB), and, with `check`, VerificationError where a
+    frame's hash is not the encoder's.
     """
     with Path(path).open("rb") as file:
-        yield from SequenceDecoder(file, check=check).frames(start, stop)
+        yield from SequenceDecoder(file, check=check, limits=limits).frames(start, stop)

@@ -37,6 +37,10 @@ Examples:
 """
 
 
+#: for a file of one's own: whatever it needs
+_NO_LIMITS = ("--max-memory", "1024T", "--max-gaussians", str(1 << 30))
+
+
 class _Rate(click.ParamType[Fraction]):
     name = "rate"
 
@@ -105,6 +109,7 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
 def _verify(target: Path) -> None:
     """Decode in a fresh process that has the file alone; every frame's hash is the encoder's."""
     command = [sys.executable, "-m", "dfcgs_codec", "decode", str(target), "--check-only", "--quiet"]
+    command += _NO_LIMITS
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     except KeyboardInterrupt:

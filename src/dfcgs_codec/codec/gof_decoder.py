@@ -22,6 +22,7 @@ from dfcgs_codec.codec.inter import InterShape, code_inter
 from dfcgs_codec.codec.intra import IntraShape
 from dfcgs_codec.codec.intra_frame import IntraCoding
 from dfcgs_codec.codec.latent_motion import LatentReference, code_hyper, code_latents
+from dfcgs_codec.codec.limits import Budget
 from dfcgs_codec.codec.motion import NUM_MOTION_STREAMS, MotionSymbols, code_motion
 from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.symbol_reader import SymbolReader
@@ -83,11 +84,16 @@ def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHead
 
 
 class GofDecoder:
-    """Decodes the frames of one GoF in turn; holds what they leave behind."""
+    """Decodes the frames of GoFs in turn; holds what they leave behind; `budget` is charged for them."""
 
     def __init__(
-        self, container: ContainerReader, check: bool, model: LatentModel | ContextModel | None
+        self,
+        container: ContainerReader,
+        check: bool,
+        model: LatentModel | ContextModel | None,
+        budget: Budget,
     ) -> None:
+        self._budget = budget
         self._latents = model if isinstance(model, LatentModel) else None
         self._prior = model if isinstance(model, ContextModel) else None
         self._container = container
@@ -97,8 +103,11 @@ class GofDecoder:
 
     def intra(self, head: ChunkHead, next_chunk: Callable[[], ChunkHead]) -> FrameState:
         """Decode an INTRA_FRAME chunk and the escapes that it announces."""
-        reader = self._container.payload(head)
+        # what the GoF before it left behind is not needed any more
+        self._state = None
+        reader = self._payload(head)
         header = IntraHeader.read(reader, self._sequence)
+        self._budget.intra(head.frame_index, header.num_gaussians, header.control)
         frame = decode_intra(reader, header, self._sequence)
         setup = GofSetup(header.control, self._sequence.unit_exponents, self._prior)
         state = GofState.of_intra(frame, setup, header.steps)
@@ -111,7 +120,7 @@ class GofDecoder:
         state = self._state
         if state is None:
             raise CorruptBitstream("a P-frame without an I-frame before it", offset=head.offset)
-        reader = self._container.payload(head)
+        reader = self._payload(head)
         header = InterHeader.read(reader, self._sequence)
         reader.expect_end("the P-frame header")
         changes = bool(header.tools or header.steps)
@@ -119,6 +128,7 @@ class GofDecoder:
             raise CorruptBitstream("a P-frame that changes a frame without Gaussians", offset=head.offset)
         if changes:
             state = replace(state, frame=state.frame.on_grid())
+        self._budget.inter(head.frame_index, state.frame.num_gaussians, header)
         if self._latents is not None:
             state = self._latent(head, header, state, next_chunk)
         else:
@@ -165,7 +175,9 @@ class GofDecoder:
         topology = None
         if Tool.TOPOLOGY in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.TOPOLOGY)
-            topology = _Topology.read(chunk, self._sequence, state.frame.num_gaussians)
+            topology = _Topology.read(
+                chunk, self._sequence, state.frame.num_gaussians, (self._budget, head.frame_index)
+            )
             state = state.survivors(topology.kept, header.block_log2)
         carried = None
         if Tool.MOTION in header.tools:
@@ -193,7 +205,11 @@ class GofDecoder:
         """Payload of a chunk that belongs to the frame of `head`."""
         if chunk.chunk_type != kind or chunk.frame_index != head.frame_index:
             raise CorruptBitstream(f"a frame lacks its {kind.name} chunk", offset=chunk.offset)
-        return self._container.payload(chunk)
+        return self._payload(chunk)
+
+    def _payload(self, head: ChunkHead) -> ByteReader:
+        self._budget.read(head.end - head.offset)
+        return self._container.payload(head)
 
     def _keep(self, state: GofState, frame_hash: bytes, head: ChunkHead) -> FrameState:
         if self._check and state.frame.hash() != frame_hash:
@@ -216,12 +232,17 @@ class _Topology:
     streams: _Streams
 
     @staticmethod
-    def read(reader: ByteReader, sequence: SequenceHeader, num_gaussians: int) -> _Topology:
+    def read(
+        reader: ByteReader, sequence: SequenceHeader, num_gaussians: int, charge: tuple[Budget, int]
+    ) -> _Topology:
         offset = reader.offset
         header = TopologyHeader.read(reader, sequence)
         at_most(header.num_removals, num_gaussians - 1, "num_removals", offset)
         count = num_gaussians - header.num_removals + header.num_births
         at_most(count, sequence.limits.max_gaussians, "num_gaussians", offset)
+        budget, frame = charge
+        if header.num_births:
+            budget.births(frame, header.num_births, count)
         streams = _Streams(reader, tuple(reader.uvarint() for _ in range(header.num_streams)))
         before = (num_gaussians, sequence.unit_exponents)
         kept, births = code_topology(streams.next, None, header, before)

@@ -1,0 +1,92 @@
+"""What a user reads of a `.dgs` file that is refused: its name, what is wrong, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from dfcgs_codec.bitstream.container import ContainerReader
+from dfcgs_codec.errors import (
+    BitstreamError,
+    CorruptBitstream,
+    ResourceLimit,
+    TruncatedBitstream,
+    VerificationError,
+)
+
+_DAMAGE = (TruncatedBitstream, CorruptBitstream, VerificationError)
+_UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
+
+
+class StreamFile(click.Path):
+    """A `.dgs` file that exists."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path, exists=True, dir_okay=True)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path; a folder is told from a file."""
+        if Path(value).is_dir():
+            self.fail(
+                f"{value} is a folder, and one .dgs file was expected; "
+                f"to make one of a folder of PLY frames: dfcgs encode {value} out.dgs",
+                param,
+                ctx,
+            )
+        return super().convert(value, param, ctx)
+
+
+class MemorySize(click.ParamType[int]):
+    """Bytes, written as 512M or 4G."""
+
+    name = "SIZE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """The number of bytes."""
+        if isinstance(value, int):
+            return value
+        text = str(value).upper().removesuffix("IB").removesuffix("B")
+        unit = text[-1:] if text[-1:] in _UNITS else ""
+        try:
+            size = int(float(text.removesuffix(unit)) * _UNITS[unit])
+        except (ValueError, OverflowError):
+            size = 0
+        if size < 1:
+            self.fail(f"{value!r} is not a size such as 512M or 4G", param, ctx)
+        return size
+
+
+def _has_header(file: Path) -> bool:
+    """Whether the sequence header is whole, without which nothing is."""
+    try:
+        with file.open("rb") as stream:
+            ContainerReader(stream)
+    except (BitstreamError, OSError):
+        return False
+    return True
+
+
+def _allowing(error: ResourceLimit) -> str:
+    """The option that would have let the file pass."""
+    if error.field == "max_memory":
+        return f"--max-memory {-(-error.value * 11 // (10 << 20))}M"
+    return f"--max-gaussians {error.value}"
+
+
+@contextmanager
+def refused_by_name(file: Path, *, salvage: bool = True) -> Iterator[None]:
+    """Errors in the block are those of `file`; `salvage`: whether that can still be tried."""
+    try:
+        yield
+    except ResourceLimit as error:
+        advice = f"if you trust it, {_allowing(error)} allows it"
+        raise ResourceLimit(f"{file}: {error.what}", error.field, error.value, advice) from error
+    except (BitstreamError, VerificationError) as error:
+        advice = ""
+        if salvage and isinstance(error, _DAMAGE) and _has_header(file):
+            advice = f"; dfcgs decode {file} OUTPUT_DIR --salvage takes the frames that are whole"
+        raise type(error)(f"{file}: {error}{advice}") from error
