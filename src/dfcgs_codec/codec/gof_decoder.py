@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
@@ -35,10 +36,15 @@ from dfcgs_codec.model.latent_model import LatentModel, latents_of
 
 
 class _Streams:
-    """Opens the streams of a payload one after the other and checks that each was used up."""
+    """Opens the streams of a payload one after the other and checks that each was used up.
 
-    def __init__(self, reader: ByteReader, lengths: tuple[int, ...]) -> None:
-        self._reader = reader
+    `charge` is told the number of symbols of each.
+    """
+
+    def __init__(
+        self, reader: ByteReader, lengths: tuple[int, ...], charge: Callable[[int], None] | None = None
+    ) -> None:
+        self._reader, self._charge = reader, charge
         self._lengths = iter(lengths)
         self._open: SymbolReader | None = None
         if sum(lengths) != reader.remaining:
@@ -61,6 +67,8 @@ class _Streams:
         """Check the open stream."""
         if self._open is not None:
             self._open.finish()
+            if self._charge is not None:
+                self._charge(self._open.num_symbols)
 
 
 def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHeader) -> FrameState:
@@ -123,12 +131,12 @@ class GofDecoder:
         reader = self._payload(head)
         header = InterHeader.read(reader, self._sequence)
         reader.expect_end("the P-frame header")
+        self._budget.inter(head.frame_index, state.frame.num_gaussians, header)
         changes = bool(header.tools or header.steps)
         if changes and not state.frame.num_gaussians:
             raise CorruptBitstream("a P-frame that changes a frame without Gaussians", offset=head.offset)
         if changes:
             state = replace(state, frame=state.frame.on_grid())
-        self._budget.inter(head.frame_index, state.frame.num_gaussians, header)
         if self._latents is not None:
             state = self._latent(head, header, state, next_chunk)
         else:
@@ -172,6 +180,7 @@ class GofDecoder:
         self, head: ChunkHead, header: InterHeader, state: GofState, next_chunk: Callable[[], ChunkHead]
     ) -> GofState:
         """The state after a P-frame of profile MAIN."""
+        charge = partial(self._budget.symbols, head.frame_index, state.frame.num_gaussians)
         topology = None
         if Tool.TOPOLOGY in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.TOPOLOGY)
@@ -182,11 +191,11 @@ class GofDecoder:
         carried = None
         if Tool.MOTION in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.MOTION)
-            carried = _read_motion(chunk, state, header.block_log2)
+            carried = _read_motion(chunk, state, header.block_log2, charge)
         symbols = InterSymbols()
         if header.steps:
             chunk = self._open(head, next_chunk(), ChunkType.RESIDUAL)
-            symbols = _read_residual(chunk, state, header, None if carried is None else carried[1])
+            symbols = _read_residual(chunk, state, header, None if carried is None else carried[1], charge)
         predicted = state.frame if carried is None else carried[0].state
         coarser = state.visibility.all_multipliers(header.visibility)
         frame = reconstruct_inter(symbols, header.steps, predicted, coarser)
@@ -258,10 +267,12 @@ class _Topology:
         return state
 
 
-def _read_motion(reader: ByteReader, state: GofState, block_log2: int) -> tuple[Carried, MotionSymbols]:
+def _read_motion(
+    reader: ByteReader, state: GofState, block_log2: int, charge: Callable[[int], None]
+) -> tuple[Carried, MotionSymbols]:
     motion = state.motion()
     header = MotionHeader.read(reader, motion.field.num_points)
-    streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)))
+    streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)), charge)
     shape = motion.shape(header, block_log2, state.model)
     symbols = code_motion(streams.next, None, motion.history(block_log2), shape)
     streams.close()
@@ -269,13 +280,17 @@ def _read_motion(reader: ByteReader, state: GofState, block_log2: int) -> tuple[
 
 
 def _read_residual(
-    reader: ByteReader, state: GofState, header: InterHeader, moved: MotionSymbols | None
+    reader: ByteReader,
+    state: GofState,
+    header: InterHeader,
+    moved: MotionSymbols | None,
+    charge: Callable[[int], None],
 ) -> InterSymbols:
     activity = None if moved is None else moved.activity()
     attributes, count = sorted(header.steps), state.frame.num_gaussians
     prior = state.prior(header.visibility, moved)
     shape = InterShape(attributes, count, header.block_log2, state.levels, activity, prior)
-    streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes))
+    streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes), charge)
     symbols = code_inter(streams.next, None, state.history, shape)
     streams.close()
     return symbols

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, Tool
+from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_COLUMNS, Attribute, Tool
 from dfcgs_codec.bitstream.frame_headers import ControlHeader, InterHeader
 from dfcgs_codec.errors import ResourceLimit
-from dfcgs_codec.transform.control_points import MAX_CONTROL_POINTS
 
 #: what a process takes before its first Gaussian: interpreter, libraries, models
 _PROCESS = 96 << 20
@@ -60,17 +59,17 @@ def intra_work(num_gaussians: int, columns: int) -> int:
 
 def output_work(num_gaussians: int, columns: int) -> int:
     """Of handing a frame out and writing it down."""
-    return 200_000 + num_gaussians * (30 + 8 * columns)
+    return 200_000 + num_gaussians * (30 + 4 * columns)
 
 
-def inter_work(num_gaussians: int, coded: int, tools: frozenset[Tool], has_prior: bool) -> int:
-    """Of a P-frame, control points and births left out; `coded`: columns with symbols."""
+def inter_work(num_gaussians: int, coded: int, tools: frozenset[Tool]) -> int:
+    """Of a P-frame, control points, births and symbols left out; `coded`: columns that may have symbols."""
     each, fixed = 0, 0
     if tools or coded:
         each, fixed = 150, 1_000_000
     if coded:
-        each += 100 + (200 if has_prior else 30) * coded
-        fixed += 200_000 * coded
+        each += 100 + 15 * coded
+        fixed += 20_000 * coded
     if Tool.MOTION in tools:
         each, fixed = each + 400, fixed + 5_000_000
     if Tool.TOPOLOGY in tools:
@@ -80,6 +79,11 @@ def inter_work(num_gaussians: int, coded: int, tools: frozenset[Tool], has_prior
     if Tool.REFINEMENT in tools:
         each += 25_000
     return fixed + num_gaussians * each
+
+
+def symbol_work(num_symbols: int, has_prior: bool) -> int:
+    """Of symbols of a P-frame."""
+    return num_symbols * (250 if has_prior else 60)
 
 
 def control_work(num_gaussians: int, control: ControlHeader) -> int:
@@ -112,7 +116,7 @@ class Budget:
         """Charge a P-frame, its births left out."""
         coded = sum(STATE_COLUMNS[a] for a in header.steps)
         work = output_work(num_gaussians, self._columns)
-        work += inter_work(num_gaussians, coded, header.tools, self._has_prior)
+        work += inter_work(num_gaussians, coded, header.tools)
         if header.tools - {Tool.VISIBILITY} and self._control is not None:
             work += control_work(num_gaussians, self._control)
             self._control = None
@@ -120,6 +124,10 @@ class Budget:
             memory = inter_memory(num_gaussians, self._columns, coded, self._has_prior)
             self._frame(frame, num_gaussians, memory)
         self._spend(frame, num_gaussians, work)
+
+    def symbols(self, frame: int, num_gaussians: int, num_symbols: int) -> None:
+        """Charge what was read from the streams of a P-frame."""
+        self._spend(frame, num_gaussians, symbol_work(num_symbols, self._has_prior))
 
     def births(self, frame: int, num_births: int, num_gaussians: int) -> None:
         """Charge births; `num_gaussians`: with them."""

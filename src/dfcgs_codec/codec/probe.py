@@ -11,6 +11,7 @@ from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     GRADED_STREAMS,
+    MAX_CONTROL_POINTS,
     STATE_COLUMNS,
     Attribute,
     ChunkType,
@@ -23,7 +24,6 @@ from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.errors import CorruptBitstream
-from dfcgs_codec.transform.control_points import MAX_CONTROL_POINTS
 
 #: longer than any frame header
 _HEADER_BYTES = 512

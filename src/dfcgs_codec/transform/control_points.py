@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS
+
 Int64 = npt.NDArray[np.int64]
 
 #: cells lie within +- this
 CELL_LIMIT = 1 << 20
-#: a GoF has at most this many control points, so that a decoder's work stays bounded
-MAX_CONTROL_POINTS = 1 << 14
 #: control points that a Gaussian gathers from
 NUM_GATHERED = 4
 GATHER_WEIGHT_BITS = 12
