@@ -362,6 +362,15 @@ def _longer(header: IntraHeader) -> IntraHeader:
     return replace(header, lengths=(*header.lengths[:-1], header.lengths[-1] + 8))
 
 
+def _crowded(header: IntraHeader) -> IntraHeader:
+    """More control points than level 1 allows."""
+    return replace(
+        header,
+        num_gaussians=LEVELS[1].max_control_points + 1,
+        control=replace(header.control, spacing=1),
+    )
+
+
 def _coarse(header: IntraHeader) -> IntraHeader:
     assert header.grading is not None
     return replace(header, grading=replace(header.grading, coarse_log2=MAX_COARSE_LOG2 + 1))
@@ -395,6 +404,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
             _changed_intra(valid, lambda h: replace(h, num_gaussians=level_limit + 1)),
             "LimitExceeded",
         ),
+        "too_many_control_points": (_changed_intra(valid, _crowded), "LimitExceeded"),
         "step_0": (_changed_intra(valid, _steps(0)), "CorruptBitstream"),
         "step_too_large": (_changed_intra(valid, _steps(STATE_LIMIT + 1)), "LimitExceeded"),
         "coarse_positions": (_changed_intra(valid, _coarse), "LimitExceeded"),
