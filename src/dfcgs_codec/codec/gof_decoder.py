@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
@@ -23,7 +22,7 @@ from dfcgs_codec.codec.inter import InterShape, code_inter
 from dfcgs_codec.codec.intra import IntraShape
 from dfcgs_codec.codec.intra_frame import IntraCoding
 from dfcgs_codec.codec.latent_motion import LatentReference, code_hyper, code_latents
-from dfcgs_codec.codec.limits import Budget
+from dfcgs_codec.codec.limits import Budget, FrameCharge
 from dfcgs_codec.codec.motion import NUM_MOTION_STREAMS, MotionSymbols, code_motion
 from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.symbol_reader import SymbolReader
@@ -153,6 +152,8 @@ class GofDecoder:
         reference = LatentReference(self._latents, state, self._sequence.unit_exponents)
         frame = state.frame
         if Tool.LATENT in header.tools:
+            charge = FrameCharge(self._budget, head.frame_index, frame.num_gaussians)
+            charge.latents(len(reference.rows))
             hyper = None
             if self._latents.has_hyperprior:
                 chunk = self._open(head, next_chunk(), ChunkType.HYPERPRIOR)
@@ -163,6 +164,7 @@ class GofDecoder:
             offset, latent = chunk.offset, LatentHeader.read(chunk)
             if latent.num_coded != len(reference.rows):
                 raise CorruptBitstream(f"{latent.num_coded} control points have latents", offset=offset)
+            charge.spread(latent.num_coded, latent.spread)
             coder = _Streams.only(chunk)
             mean, indices = self._latents.distribution(
                 hyper, reference.prior(reference.rows), latent.step_log2
@@ -180,13 +182,11 @@ class GofDecoder:
         self, head: ChunkHead, header: InterHeader, state: GofState, next_chunk: Callable[[], ChunkHead]
     ) -> GofState:
         """The state after a P-frame of profile MAIN."""
-        charge = partial(self._budget.symbols, head.frame_index, state.frame.num_gaussians)
+        charge = FrameCharge(self._budget, head.frame_index, state.frame.num_gaussians)
         topology = None
         if Tool.TOPOLOGY in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.TOPOLOGY)
-            topology = _Topology.read(
-                chunk, self._sequence, state.frame.num_gaussians, (self._budget, head.frame_index)
-            )
+            topology = _Topology.read(chunk, self._sequence, charge)
             state = state.survivors(topology.kept, header.block_log2)
         carried = None
         if Tool.MOTION in header.tools:
@@ -241,17 +241,14 @@ class _Topology:
     streams: _Streams
 
     @staticmethod
-    def read(
-        reader: ByteReader, sequence: SequenceHeader, num_gaussians: int, charge: tuple[Budget, int]
-    ) -> _Topology:
-        offset = reader.offset
+    def read(reader: ByteReader, sequence: SequenceHeader, charge: FrameCharge) -> _Topology:
+        offset, num_gaussians = reader.offset, charge.num_gaussians
         header = TopologyHeader.read(reader, sequence)
         at_most(header.num_removals, num_gaussians - 1, "num_removals", offset)
         count = num_gaussians - header.num_removals + header.num_births
         at_most(count, sequence.limits.max_gaussians, "num_gaussians", offset)
-        budget, frame = charge
         if header.num_births:
-            budget.births(frame, header.num_births, count)
+            charge.births(header.num_births, count)
         streams = _Streams(reader, tuple(reader.uvarint() for _ in range(header.num_streams)))
         before = (num_gaussians, sequence.unit_exponents)
         kept, births = code_topology(streams.next, None, header, before)
@@ -268,11 +265,12 @@ class _Topology:
 
 
 def _read_motion(
-    reader: ByteReader, state: GofState, block_log2: int, charge: Callable[[int], None]
+    reader: ByteReader, state: GofState, block_log2: int, charge: FrameCharge
 ) -> tuple[Carried, MotionSymbols]:
     motion = state.motion()
     header = MotionHeader.read(reader, motion.field.num_points)
-    streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)), charge)
+    charge.spread(motion.field.num_points, header.spread)
+    streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)), charge.symbols)
     shape = motion.shape(header, block_log2, state.model)
     symbols = code_motion(streams.next, None, motion.history(block_log2), shape)
     streams.close()
@@ -284,13 +282,13 @@ def _read_residual(
     state: GofState,
     header: InterHeader,
     moved: MotionSymbols | None,
-    charge: Callable[[int], None],
+    charge: FrameCharge,
 ) -> InterSymbols:
     activity = None if moved is None else moved.activity()
     attributes, count = sorted(header.steps), state.frame.num_gaussians
     prior = state.prior(header.visibility, moved)
     shape = InterShape(attributes, count, header.block_log2, state.levels, activity, prior)
-    streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes), charge)
+    streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes), charge.symbols)
     symbols = code_inter(streams.next, None, state.history, shape)
     streams.close()
     return symbols

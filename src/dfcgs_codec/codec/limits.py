@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_COLUMNS, Attribute, Tool
 from dfcgs_codec.bitstream.frame_headers import ControlHeader, InterHeader
+from dfcgs_codec.bitstream.motion_header import SpreadHeader
 from dfcgs_codec.errors import ResourceLimit
 
 #: what a process takes before its first Gaussian: interpreter, libraries, models
@@ -125,16 +126,24 @@ class Budget:
             self._frame(frame, num_gaussians, memory)
         self._spend(frame, num_gaussians, work)
 
-    def symbols(self, frame: int, num_gaussians: int, num_symbols: int) -> None:
-        """Charge what was read from the streams of a P-frame."""
-        self._spend(frame, num_gaussians, symbol_work(num_symbols, self._has_prior))
-
     def births(self, frame: int, num_births: int, num_gaussians: int) -> None:
         """Charge births; `num_gaussians`: with them."""
         memory = intra_memory(num_births, self._columns)
         memory += inter_memory(num_gaussians, self._columns, self._columns, self._has_prior)
         self._frame(frame, num_gaussians, memory)
         self._spend(frame, num_gaussians, intra_work(num_births, self._columns))
+
+    def symbols(self, frame: int, num_gaussians: int, num_symbols: int) -> None:
+        """Charge what was read from a stream of a P-frame."""
+        self._spend(frame, num_gaussians, symbol_work(num_symbols, self._has_prior))
+
+    def spread(self, frame: int, num_gaussians: int, num_shares: int) -> None:
+        """Charge motion that control points spread, so many shares in all."""
+        self._spend(frame, num_gaussians, 150 * num_shares)
+
+    def latents(self, frame: int, num_gaussians: int, num_points: int) -> None:
+        """Charge control points whose motion a network decodes."""
+        self._spend(frame, num_gaussians, 50_000 * num_points)
 
     def _frame(self, frame: int, num_gaussians: int, memory: int) -> None:
         limits, memory = self._limits, memory + _PROCESS
@@ -155,6 +164,33 @@ class Budget:
         if self._limits.max_gaussians is None and self._work > _FREE_WORK + _WORK_PER_BYTE * self._bytes:
             what = f"frames up to {frame} are far more work than {self._bytes} bytes usually are: {_BOMB}"
             raise ResourceLimit(what, "max_gaussians", num_gaussians)
+
+
+@dataclass(frozen=True)
+class FrameCharge:
+    """What a frame is charged with while its chunks are read."""
+
+    budget: Budget
+    frame: int
+    num_gaussians: int
+
+    def births(self, num_births: int, num_gaussians: int) -> None:
+        """See Budget."""
+        self.budget.births(self.frame, num_births, num_gaussians)
+
+    def symbols(self, num_symbols: int) -> None:
+        """See Budget."""
+        self.budget.symbols(self.frame, self.num_gaussians, num_symbols)
+
+    def spread(self, num_points: int, spread: SpreadHeader | None) -> None:
+        """See Budget; nothing where motion is not spread."""
+        if spread is not None:
+            shares = num_points * min(spread.num_neighbours, self.num_gaussians)
+            self.budget.spread(self.frame, self.num_gaussians, shares)
+
+    def latents(self, num_points: int) -> None:
+        """See Budget."""
+        self.budget.latents(self.frame, self.num_gaussians, num_points)
 
 
 _BOMB = "made to exhaust a decoder, or nothing but repetition"

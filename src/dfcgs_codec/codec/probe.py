@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import (
@@ -186,9 +186,14 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
 def probe(path: Path | str) -> SequenceInfo:
     """Describe the file at `path`; BitstreamError where its headers do not make sense."""
     with Path(path).open("rb") as file:
-        container = ContainerReader(file)
-        info = SequenceInfo(container.sequence, container.size)
-        _collect(container, info)
+        return probe_file(file)
+
+
+def probe_file(file: BinaryIO) -> SequenceInfo:
+    """The same of a file that is open."""
+    container = ContainerReader(file)
+    info = SequenceInfo(container.sequence, container.size)
+    _collect(container, info)
     if not info.frames:
         raise CorruptBitstream("the file has no frames")
     return info
