@@ -1,4 +1,4 @@
-"""Files broken under right checksums: decoded, refused or found out, never anything else. `make fuzz` goes on."""
+"""Files broken under right checksums: decoded, refused or found out, nothing else; `make fuzz` goes on."""
 
 from __future__ import annotations
 

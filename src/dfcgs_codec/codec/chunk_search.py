@@ -23,6 +23,7 @@ _FRAME_TYPES = (
     ChunkType.MOTION,
     ChunkType.TOPOLOGY,
     ChunkType.RESIDUAL,
+    ChunkType.ESCAPES,
 )
 
 
