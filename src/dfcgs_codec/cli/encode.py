@@ -16,6 +16,7 @@ from dfcgs_codec.api import encode_sequence
 from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder, Profile
 from dfcgs_codec.cli.outputs import output_file
 from dfcgs_codec.cli.progress import progress_bar
+from dfcgs_codec.cli.refusal import note_of_limits
 from dfcgs_codec.encoder.options import EncoderOptions, MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES, Bound
@@ -317,6 +318,7 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         report = encode_sequence(source, output, options, force=values["force"], progress=progress)
     for note in report.notes[len(source.notes) :]:
         click.echo(f"note: {note}", err=True)
+    note_of_limits(output)
     if values["verify"]:
         _verify(output)
     if values["as_json"]:

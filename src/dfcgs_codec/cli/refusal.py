@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from dfcgs_codec.bitstream.container import ContainerReader
+from dfcgs_codec.codec.needs import beyond_default_limits
 from dfcgs_codec.errors import (
     BitstreamError,
     CorruptBitstream,
@@ -70,11 +71,19 @@ def _has_header(file: Path) -> bool:
     return True
 
 
-def _allowing(error: ResourceLimit) -> str:
+def allowing_option(error: ResourceLimit) -> str:
     """The option that would have let the file pass."""
     if error.field == "max_memory":
         return f"--max-memory {-(-error.value * 11 // (10 << 20))}M"
     return f"--max-gaussians {error.value}"
+
+
+def note_of_limits(file: Path) -> None:
+    """Say on stderr what a file that was made needs to be decoded, where that is more than the default."""
+    refusal = beyond_default_limits(file) if file.is_file() else None
+    if refusal is not None:
+        option = allowing_option(refusal)
+        click.echo(f"note: decode {file} with {option}, or it is refused: {refusal.what}", err=True)
 
 
 @contextmanager
@@ -83,7 +92,7 @@ def refused_by_name(file: Path, *, salvage: bool = True) -> Iterator[None]:
     try:
         yield
     except ResourceLimit as error:
-        advice = f"if you trust it, {_allowing(error)} allows it"
+        advice = f"if you trust it, {allowing_option(error)} allows it"
         raise ResourceLimit(f"{file}: {error.what}", error.field, error.value, advice) from error
     except (BitstreamError, VerificationError) as error:
         advice = ""
