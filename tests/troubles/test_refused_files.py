@@ -46,6 +46,7 @@ def ply(data: bytes) -> bytes:
 REFUSED: dict[str, tuple[Callable[[bytes], bytes], tuple[str, ...]]] = {
     "cut": (cut, ("--salvage", "[truncated]")),
     "without its end": (lambda data: data[:-5], ("--salvage", "[truncated]")),
+    "cut in its first frame": (lambda data: data[: starts(data)[0] + 60], ("[truncated]",)),
     "a PLY": (ply, ("PLY", "encode")),
     "another package's": (lambda data: b"glps" + data, ("dgs-py",)),
     "text": (lambda data: b"hello\n", ("not a dfcgs file",)),

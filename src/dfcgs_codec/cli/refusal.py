@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from dfcgs_codec.bitstream.container import ContainerReader
+from dfcgs_codec.codec.chunk_search import ChunkSearch
 from dfcgs_codec.codec.needs import beyond_default_limits
 from dfcgs_codec.errors import (
     BitstreamError,
@@ -61,14 +62,13 @@ class MemorySize(click.ParamType[int]):
         return size
 
 
-def _has_header(file: Path) -> bool:
-    """Whether the sequence header is whole, without which nothing is."""
+def _has_frames(file: Path) -> bool:
+    """Whether the sequence header is whole, without which nothing is, and an I-frame."""
     try:
         with file.open("rb") as stream:
-            ContainerReader(stream)
+            return next(ChunkSearch(ContainerReader(stream)).gofs(), None) is not None
     except (BitstreamError, OSError):
         return False
-    return True
 
 
 def allowing_option(error: ResourceLimit) -> str:
@@ -96,6 +96,6 @@ def refused_by_name(file: Path, *, salvage: bool = True) -> Iterator[None]:
         raise ResourceLimit(f"{file}: {error.what}", error.field, error.value, advice) from error
     except (BitstreamError, VerificationError) as error:
         advice = ""
-        if salvage and isinstance(error, _DAMAGE) and _has_header(file):
+        if salvage and isinstance(error, _DAMAGE) and _has_frames(file):
             advice = f"; dfcgs decode {file} OUTPUT_DIR --salvage takes the frames that are whole"
         raise type(error)(f"{file}: {error}{advice}") from error
