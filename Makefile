@@ -7,6 +7,9 @@ EVAL_STAMP := $(VENV)/.installed-eval
 TRAIN_STAMP := $(VENV)/.installed-train
 # which torch to train with; CPU builds come from PyTorch's own index (see the README)
 TORCH ?= torch>=2.2,<2.15
+# how long `make fuzz` goes on, and with which seed it begins
+MINUTES ?= 10
+FIRST ?= 0
 RUN := out/paper/run
 PRIOR := out/prior
 DEMO := out/demo
@@ -14,7 +17,7 @@ DEMO := out/demo
 VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit/transform tests/unit/test_ply.py
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format golden clean \
+.PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden clean \
 	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth drift stress allocation charts fitted
 
 help: ## list the targets
@@ -95,6 +98,9 @@ check: $(STAMP) ## lint, types, import floors
 format: $(STAMP) ## lay the code out
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+fuzz: $(STAMP) ## break files in ways that keep their checksums right, for 10 minutes: make fuzz MINUTES=60 FIRST=1000000
+	$(BIN)/python tools/fuzz.py --minutes $(MINUTES) --first $(FIRST)
 
 golden: $(STAMP) ## write the conformance streams (refuses to touch a released version)
 	$(BIN)/python tools/make_golden.py

@@ -654,6 +654,8 @@ def axis_flip(q: Row, f: int) -> Row:
 
 
 def scaled(symbols: Matrix, step: int) -> Matrix:
+    """9.3: symbols of all attributes keep a limit, ROTATION included."""
+    require(all(abs(value) <= 2 * STATE_LIMIT // step for row in symbols for value in row))
     return [[value * step for value in row] for row in symbols]
 
 
@@ -2361,6 +2363,7 @@ class Sequence:
     model_hash: bytes = b""
     origin: Row = field(default_factory=lambda: [0, 0, 0])
     is_double: bool = False
+    level: int = 3
 
     @property
     def attributes(self) -> Row:
@@ -2404,7 +2407,7 @@ def sequence_header(fields: Fields) -> Sequence:
     require(fields.place == len(fields.data))
     exponents = {POSITION: position, SCALE: scale, ROTATION: -24, OPACITY: opacity, SH_DC: color}
     found = Sequence(sh_degree, num_frames, numbers, exponents, profile, model_id.decode("ascii"), hashed)
-    return replace(found, origin=origin, is_double=precision == 1)
+    return replace(found, origin=origin, is_double=precision == 1, level=level)
 
 
 def chunks(data: bytes) -> Iterator[tuple[int, int, Fields]]:
@@ -2471,6 +2474,7 @@ def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof | None, 
     require(has_escapes <= (1 if kind == 1 else 0))
     control = ControlHeader(fields.u8(), fields.uvarint(), fields.u8())
     require(control.rule in (0, 1) and control.spacing >= 1 and control.shift <= 31)
+    require(min(n // control.spacing, 16384) <= (4096 if sequence.level == 1 else 16384))
     coding = (sequence.exponents, has_permutation)
     if kind == 1:
         header = intra_header(fields, sequence)

@@ -13,6 +13,7 @@ PUBLIC = {
     "BitstreamError",
     "Bound",
     "CorruptBitstream",
+    "DecoderLimits",
     "DfcgsError",
     "EncoderOptions",
     "GaussianCloud",
@@ -21,6 +22,7 @@ PUBLIC = {
     "LimitExceeded",
     "ModelMismatch",
     "NotADgsFile",
+    "ResourceLimit",
     "TruncatedBitstream",
     "UnsupportedBitstream",
     "VerificationError",
@@ -64,6 +66,7 @@ def test_error_codes_are_stable_and_distinct() -> None:
         "TruncatedBitstream": "truncated",
         "CorruptBitstream": "corrupt",
         "LimitExceeded": "limit",
+        "ResourceLimit": "resources",
         "InputError": "input",
         "VerificationError": "verification",
     }

@@ -561,6 +561,22 @@ def test_conformance_streams(path: Path) -> None:
     assert hashes == expected["valid"][path.stem]["frame_hashes"]
 
 
+FAULTY_BY_TEXT = (
+    "rotation_symbol_too_large",
+    "step_too_large",
+    "alternating_positions",
+    "too_many_control_points",
+)
+
+
+@pytest.mark.parametrize("name", FAULTY_BY_TEXT)
+def test_faulty_streams_are_refused_by_the_text_alone(name: str) -> None:
+    """Before any hash is looked at."""
+    data = (CONFORMANCE / "faulty" / f"{name}.dgs").read_bytes()
+    with pytest.raises(spec_decoder.Refused):
+        list(spec_decoder.Decoder(data, MODELS).frames())
+
+
 # --- streams with choices that no sensible encoder makes --------------------------------------------------
 
 

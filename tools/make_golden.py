@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -34,10 +35,12 @@ from dfcgs_codec.bitstream.constants import (
     IntraKind,
     OutputOrder,
     Profile,
+    Tool,
 )
-from dfcgs_codec.bitstream.frame_headers import IntraHeader
+from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
+from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.model.registry import installed
@@ -286,6 +289,54 @@ def _changed_intra(data: bytes, change: Callable[[IntraHeader], IntraHeader], mo
     return _chunks_with(data, rewrite)
 
 
+def _with_rotation_step(data: bytes, step: int) -> bytes:
+    """The file with another step of rotation symbols in its P-frames."""
+    sequence = SequenceHeader.read(ByteReader(helpers.split_chunks(data)[0].payload))
+
+    def rewrite(chunk: helpers.Chunk) -> helpers.Chunk:
+        if chunk.chunk_type != ChunkType.INTER_FRAME:
+            return chunk
+        header = InterHeader.read(ByteReader(chunk.payload), sequence)
+        writer = ByteWriter()
+        replace(header, steps=header.steps | {Attribute.ROTATION: step}).write(writer)
+        return replace(chunk, payload=writer.getvalue())
+
+    return _chunks_with(data, rewrite)
+
+
+def _refined_alone(data: bytes) -> bytes:
+    """The file with REFINEMENT in each P-frame, which refines nothing where SH has degree 0."""
+    frames = {frame.index: frame.state for frame in SequenceDecoder(BytesIO(data)).frames()}
+
+    def rewrite(chunk: helpers.Chunk) -> helpers.Chunk:
+        if chunk.chunk_type != ChunkType.INTER_FRAME:
+            return chunk
+        frame_hash = replace(frames[chunk.frame_index], verbatim=None).hash()
+        writer = ByteWriter()
+        InterHeader(frame_hash, frozenset({Tool.REFINEMENT}), 0, {}).write(writer)
+        return replace(chunk, payload=writer.getvalue())
+
+    return _chunks_with(data, rewrite)
+
+
+def _encoded(frames: list[GaussianCloud], options: EncoderOptions) -> bytes:
+    """A stream that others are made from, itself not kept."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "stream.dgs"
+        encode_sequence(frames, path, options)
+        return path.read_bytes()
+
+
+def _still_after_verbatim() -> bytes:
+    """Profile PAPER, SH degree 0: a verbatim I-frame that is repeated."""
+    return _encoded(helpers.still(helpers.make_cloud(50), 3), replace(PAPER, intra=IntraKind.PLY))
+
+
+def _finely_turned() -> bytes:
+    """P-frames whose rotation symbols are large."""
+    return _encoded(helpers.all_changing(helpers.make_cloud(40), 2), EncoderOptions(qp=4))
+
+
 def _with_units(data: bytes, **changes: object) -> bytes:
     chunks = helpers.split_chunks(data)
     header = SequenceHeader.read(ByteReader(chunks[0].payload))
@@ -309,6 +360,15 @@ def _without(data: bytes, chunk_type: int) -> bytes:
 
 def _longer(header: IntraHeader) -> IntraHeader:
     return replace(header, lengths=(*header.lengths[:-1], header.lengths[-1] + 8))
+
+
+def _crowded(header: IntraHeader) -> IntraHeader:
+    """More control points than level 1 allows."""
+    return replace(
+        header,
+        num_gaussians=LEVELS[1].max_control_points + 1,
+        control=replace(header.control, spacing=1),
+    )
 
 
 def _coarse(header: IntraHeader) -> IntraHeader:
@@ -344,11 +404,16 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
             _changed_intra(valid, lambda h: replace(h, num_gaussians=level_limit + 1)),
             "LimitExceeded",
         ),
+        "too_many_control_points": (_changed_intra(valid, _crowded), "LimitExceeded"),
         "step_0": (_changed_intra(valid, _steps(0)), "CorruptBitstream"),
         "step_too_large": (_changed_intra(valid, _steps(STATE_LIMIT + 1)), "LimitExceeded"),
         "coarse_positions": (_changed_intra(valid, _coarse), "LimitExceeded"),
         "thin_axes": (_changed_intra(valid, _thin), "LimitExceeded"),
         "alternating_positions": (_changed_intra(valid, _alternating_positions), "CorruptBitstream"),
+        "rotation_symbol_too_large": (
+            _with_rotation_step(_finely_turned(), STATE_LIMIT),
+            "CorruptBitstream",
+        ),
         "spare_words": (_changed_intra(valid, _longer, bytes(8)), "CorruptBitstream"),
         "spare_bytes": (_changed_intra(valid, lambda h: h, bytes(4)), "CorruptBitstream"),
         "coarse_opacity": (_with_units(valid, opacity=-10), "LimitExceeded"),
@@ -469,6 +534,7 @@ def _derived() -> dict[str, bytes]:
         "ancillary_chunk": _with_chunk(_read("skipped_frames_sh0"), 0xB3),
         "numbers_with_gaps": _with_gaps(_read("skipped_frames_sh0")),
         "ply_comments": _with_chunk(_read("skipped_frames_sh0"), ChunkType.PLY_COMMENTS),
+        "paper_refined_after_verbatim_sh0": _refined_alone(_still_after_verbatim()),
     }
 
 

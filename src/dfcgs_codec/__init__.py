@@ -22,6 +22,7 @@ from dfcgs_codec.errors import (
     LimitExceeded,
     ModelMismatch,
     NotADgsFile,
+    ResourceLimit,
     TruncatedBitstream,
     UnsupportedBitstream,
     VerificationError,
@@ -29,6 +30,7 @@ from dfcgs_codec.errors import (
 
 if TYPE_CHECKING:
     from dfcgs_codec.api import decode_sequence, encode_sequence
+    from dfcgs_codec.codec.limits import DecoderLimits
     from dfcgs_codec.codec.probe import probe
     from dfcgs_codec.encoder.options import EncoderOptions
     from dfcgs_codec.encoder.rate_control import Bound
@@ -40,6 +42,7 @@ _LAZY = {
     "encode_sequence": "dfcgs_codec.api",
     "decode_sequence": "dfcgs_codec.api",
     "probe": "dfcgs_codec.codec.probe",
+    "DecoderLimits": "dfcgs_codec.codec.limits",
     "EncoderOptions": "dfcgs_codec.encoder.options",
     "Bound": "dfcgs_codec.encoder.rate_control",
     "GaussianCloud": "dfcgs_codec.gaussians",
@@ -51,6 +54,7 @@ __all__ = [
     "BitstreamError",
     "Bound",
     "CorruptBitstream",
+    "DecoderLimits",
     "DfcgsError",
     "EncoderOptions",
     "GaussianCloud",
@@ -59,6 +63,7 @@ __all__ = [
     "LimitExceeded",
     "ModelMismatch",
     "NotADgsFile",
+    "ResourceLimit",
     "TruncatedBitstream",
     "UnsupportedBitstream",
     "VerificationError",

@@ -18,6 +18,7 @@ import numpy as np
 from dfcgs_codec.arguments import AnyPath, path_of, refusal, switch, whole
 from dfcgs_codec.bitstream.constants import MAGIC, IntraKind
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
+from dfcgs_codec.codec.limits import DecoderLimits
 from dfcgs_codec.encoder.encoder import Progress, encode_frames
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.report import EncodeReport
@@ -138,20 +139,30 @@ def _file(path: AnyPath | BinaryIO) -> Path | BinaryIO:
     return path
 
 
-def _decoded(file: Path | BinaryIO, start: int, stop: int | None, check: bool) -> Iterator[DecodedFrame]:
+def _decoded(
+    file: Path | BinaryIO, frames: tuple[int, int | None], check: bool, limits: DecoderLimits | None
+) -> Iterator[DecodedFrame]:
     with _opened(file) as stream:
-        yield from SequenceDecoder(stream, check=check).frames(start, stop)
+        yield from SequenceDecoder(stream, check=check, limits=limits).frames(*frames)
 
 
 def decode_sequence(
-    path: AnyPath | BinaryIO, start: int = 0, stop: int | None = None, *, check: bool = True
+    path: AnyPath | BinaryIO,
+    start: int = 0,
+    stop: int | None = None,
+    *,
+    check: bool = True,
+    limits: DecoderLimits | None = None,
 ) -> Iterator[DecodedFrame]:
     """Frames start..stop - 1 of the file at `path`, one after the other; `frame.cloud()` has the values.
 
     `path` may be a file open for reading bytes that can seek, which stays open. As with slices, frames beyond
     the last are none. Arguments are checked at once; the file is opened when the first frame is asked for.
-    Raises InputError for arguments of other kinds, BitstreamError for a file that is refused and, with
+    Raises InputError for arguments of other kinds, BitstreamError for a file that is refused, ResourceLimit
+    among them for one that asks for more memory or work than `limits` (DecoderLimits(): 2 GiB), and, with
     `check`, VerificationError where a frame's hash is not the encoder's.
     """
     first, end = _index("start", start), None if stop is None else _index("stop", stop)
-    return _decoded(_file(path), first, end, switch("check", check))
+    if limits is not None and not isinstance(limits, DecoderLimits):
+        raise refusal("limits", limits, "DecoderLimits(...)")
+    return _decoded(_file(path), (first, end), switch("check", check), limits)

@@ -8,6 +8,7 @@ DfcgsError
     TruncatedBitstream    the file ends too early
     CorruptBitstream      a checksum, a count or a hash does not fit
     LimitExceeded         a count is above the limit of the level
+      ResourceLimit       more memory or work than the caller allows; a legal file, perhaps
   InputError              exit code 1: the PLY files or the arguments cannot be coded
   VerificationError       exit code 1: decoder and encoder disagree; always a codec bug
 """
@@ -73,6 +74,19 @@ class LimitExceeded(BitstreamError):
     """A count exceeds the limits of the declared level."""
 
     code = "limit"
+
+
+class ResourceLimit(LimitExceeded):
+    """A file that asks for more than the caller's `DecoderLimits` allow.
+
+    `what` is the message without advice; with `value` in its field `field` the limits would have allowed it.
+    """
+
+    code = "resources"
+
+    def __init__(self, what: str, field: str, value: int, advice: str | None = None) -> None:
+        self.what, self.field, self.value = what, field, value
+        super().__init__(f"{what}; {advice or f'DecoderLimits({field}={value}) allows it'}")
 
 
 class InputError(DfcgsError):

@@ -12,6 +12,7 @@ TREE = {
     "TruncatedBitstream": ("BitstreamError", "truncated"),
     "CorruptBitstream": ("BitstreamError", "corrupt"),
     "LimitExceeded": ("BitstreamError", "limit"),
+    "ResourceLimit": ("LimitExceeded", "resources"),
     "InputError": ("DfcgsError", "input"),
     "VerificationError": ("DfcgsError", "verification"),
 }

@@ -39,6 +39,8 @@ GRADED_STREAMS = ("COVER", "POSITION_BITS")
 #: log2 of the Gaussians in a significance block of a P-frame
 MIN_BLOCK_LOG2 = 3
 MAX_BLOCK_LOG2 = 12
+#: a GoF has at most this many control points, so that a decoder's work stays bounded
+MAX_CONTROL_POINTS = 1 << 14
 #: log2 of the grid units of a cell that control points are chosen on
 MAX_CONTROL_SHIFT = 31
 #: the temporal weight of motion is in quarters
@@ -160,10 +162,11 @@ class LevelLimits(NamedTuple):
 
     max_gaussians: int
     max_frames: int
+    max_control_points: int
 
 
 LEVELS = {
-    1: LevelLimits(1 << 18, 1 << 14),
-    2: LevelLimits(1 << 21, 1 << 17),
-    3: LevelLimits(1 << 24, 1 << 20),
+    1: LevelLimits(1 << 18, 1 << 14, 1 << 12),
+    2: LevelLimits(1 << 21, 1 << 17, 1 << 14),
+    3: LevelLimits(1 << 24, 1 << 20, 1 << 14),
 }

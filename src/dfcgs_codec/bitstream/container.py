@@ -76,6 +76,8 @@ class ContainerReader:
             raise NotADgsFile(
                 "a .dgs file of the dgs-py package (magic 'glps'), not of dfcgs: open it with that package"
             )
+        if start.startswith(b"ply"):
+            raise NotADgsFile("a PLY frame, not a dfcgs file: encode the folder that it is in")
         if not MAGIC.startswith(start):
             raise NotADgsFile(f"not a dfcgs file: it starts with {start!r}, expected {MAGIC!r}")
         if len(start) < len(MAGIC):
@@ -108,6 +110,17 @@ class ContainerReader:
         self._file.seek(head.payload_offset)
         data = self._file.read(min(count, head.payload_length))
         return ByteReader(data, head.payload_offset, CorruptBitstream)
+
+    def occurrences(self, value: int, start: int, block_bytes: int) -> Iterator[int]:
+        """Where a byte of this value is, from byte `start` on; `block_bytes` are read at once."""
+        while start < self.size:
+            self._file.seek(start)
+            block = self._file.read(block_bytes)
+            found = block.find(value)
+            while found >= 0:
+                yield start + found
+                found = block.find(value, found + 1)
+            start += len(block)
 
     def chunks(self, start: int | None = None, stop: int | None = None) -> Iterator[ChunkHead]:
         """Known chunks from byte `start` on, through END or up to byte `stop`."""

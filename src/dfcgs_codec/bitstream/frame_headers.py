@@ -10,6 +10,7 @@ from dfcgs_codec.bitstream.constants import (
     GRADED_STREAMS,
     MAX_BLOCK_LOG2,
     MAX_COARSE_LOG2,
+    MAX_CONTROL_POINTS,
     MAX_CONTROL_SHIFT,
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
@@ -218,7 +219,7 @@ class IntraHeader:
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> IntraHeader:
-        """Refuses N above the level, and escapes where all values are exact."""
+        """Refuses N and control points above the level, and escapes where all values are exact."""
         frame_hash = reader.raw(FRAME_HASH_BYTES)
         kind = read_enum(IntraKind, reader, "intra_kind")
         n = read_bounded(reader.uvarint, sequence.limits.max_gaussians, "num_gaussians", reader)
@@ -229,7 +230,10 @@ class IntraHeader:
         has_escapes = bool(read_bounded(reader.u8, 1, "has_escapes", reader))
         if has_escapes and kind == IntraKind.PLY:
             raise CorruptBitstream("escapes in a verbatim I-frame", offset=offset)
+        offset = reader.offset
         control = ControlHeader.read(reader)
+        wanted = min(n // control.spacing, MAX_CONTROL_POINTS)
+        at_most(wanted, sequence.limits.max_control_points, "control points", offset)
         attributes = coded_attributes(sequence.sh_degree)
         grid, steps, grading = None, {}, None
         if kind == IntraKind.CODED:

@@ -10,8 +10,10 @@ import click
 
 from dfcgs_codec.cli.outputs import output_folder
 from dfcgs_codec.cli.progress import progress_bar
-from dfcgs_codec.cli.values import frame_range
+from dfcgs_codec.cli.refusal import StreamFile, refused_by_name
+from dfcgs_codec.cli.values import frame_range, memory_size
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
+from dfcgs_codec.codec.limits import DecoderLimits
 from dfcgs_codec.codec.salvage import salvage
 from dfcgs_codec.errors import CorruptBitstream, InputError
 from dfcgs_codec.files import FRAME_NAME, begin_sync, named, replace_folder_when_whole
@@ -29,9 +31,10 @@ Examples:
 
 def _frames(file: BinaryIO, values: dict[str, Any], losses: list[str]) -> tuple[Iterator[DecodedFrame], int]:
     """The frames asked for, and how many there are at most."""
+    limits = DecoderLimits(values["max_memory"], values["max_gaussians"])
     if values["salvage"]:
-        return salvage(file, losses), 0
-    decoder = SequenceDecoder(file)
+        return salvage(file, losses, limits), 0
+    decoder = SequenceDecoder(file, limits=limits)
     total = decoder.sequence.num_frames
     start, stop = values["frames"] or (0, None)
     if start >= total or (stop or 0) > total:
@@ -70,7 +73,7 @@ def _run(file: BinaryIO, write: Callable[[DecodedFrame], None], values: dict[str
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("file", type=click.Path(path_type=Path, exists=True, dir_okay=False))
+@click.argument("file", type=StreamFile())
 @click.argument("output_dir", type=click.Path(), required=False, callback=output_folder)
 @click.option(
     "--frames", type=frame_range, metavar="A:B", help="Only frames A to B - 1, counted from 0; seeks."
@@ -78,6 +81,20 @@ def _run(file: BinaryIO, write: Callable[[DecodedFrame], None], values: dict[str
 @click.option("--check-only", is_flag=True, help="Decode and check every hash, write nothing.")
 @click.option(
     "--salvage", is_flag=True, help="Write all frames that a damaged or truncated file still holds."
+)
+@click.option(
+    "--max-memory",
+    type=memory_size,
+    metavar="SIZE",
+    default="2G",
+    show_default=True,
+    help="Refuse frames that need more, before it is taken.",
+)
+@click.option(
+    "--max-gaussians",
+    type=click.IntRange(min=1),
+    help="Take frames of so many Gaussians however few bytes they have, none larger. "
+    "[default: memory and time grow with the bytes read]",
 )
 @click.option("--force", is_flag=True, help="Replace an existing folder of frames.")
 @click.option("--quiet", "-q", is_flag=True, help="Print nothing but errors and losses.")
@@ -87,7 +104,7 @@ def decode(file: Path, output_dir: Path | None, **values: Any) -> None:
         raise click.UsageError("name an OUTPUT_DIR, or --check-only without one")
     if values["salvage"] and values["frames"]:
         raise click.UsageError("--salvage takes all frames it can get; --frames does not go with it")
-    with file.open("rb") as stream:
+    with refused_by_name(file, salvage=not values["salvage"]), file.open("rb") as stream:
         if output_dir is None:
             done = _run(stream, lambda frame: None, values)
         else:

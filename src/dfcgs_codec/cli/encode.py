@@ -15,6 +15,7 @@ from dfcgs_codec.bitstream.constants import ControlRule, Profile
 from dfcgs_codec.cli import values as parse
 from dfcgs_codec.cli.outputs import output_file
 from dfcgs_codec.cli.progress import progress_bar
+from dfcgs_codec.cli.refusal import note_of_limits
 from dfcgs_codec.encoder.options import COMPENSATIONS, EncoderOptions, MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES
@@ -25,6 +26,8 @@ from dfcgs_codec.frames.typed import check_arguments
 from dfcgs_codec.ply import InputPolicy
 from dfcgs_codec.sequence import DEFAULT_PATTERN, open_frames
 
+#: for a file of one's own: whatever it needs
+_NO_LIMITS = ("--max-memory", "1024T", "--max-gaussians", str(1 << 30))
 _EPILOG = """
 \b
 Examples:
@@ -66,6 +69,7 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
 def _verify(target: Path) -> None:
     """Decode in a fresh process that has the file alone; every frame's hash is the encoder's."""
     command = [sys.executable, "-m", "dfcgs_codec", "decode", str(target), "--check-only", "--quiet"]
+    command += _NO_LIMITS
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     except KeyboardInterrupt:
@@ -280,6 +284,7 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         report = encode_sequence(source, output, options, force=values["force"], progress=progress)
     for note in report.notes[len(source.notes) :]:
         click.echo(f"note: {note}", err=True)
+    note_of_limits(output)
     if values["verify"]:
         _verify(output)
     if values["as_json"]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from dfcgs_codec.cli.refusal import StreamFile, refused_by_name
 from dfcgs_codec.codec.probe import SequenceInfo, probe
 
 _EPILOG = """
@@ -26,6 +27,11 @@ def _table(title: str, counts: Counter[str], total: int) -> list[str]:
     return lines
 
 
+def _printable(text: str) -> str:
+    """`text` from a file, which anybody may have made: what a terminal would obey is spelled out."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
 def _summary(info: SequenceInfo) -> list[str]:
     header = info.header
     counts = [frame.num_gaussians for frame in info.frames]
@@ -33,12 +39,12 @@ def _summary(info: SequenceInfo) -> list[str]:
     rate = header.frame_rate[0] / header.frame_rate[1]
     values = info.as_dict()
     order = header.output_order.name.lower()
-    model = f", model {header.model_id}" if header.model_id else ""
+    model = f", model {_printable(header.model_id)}" if header.model_id else ""
     rows = {
         "frames": f"{header.num_frames} at {rate:g} per second",
         "Gaussians": f"{gaussians}, SH degree {header.sh_degree}, order {order}",
         "bitstream": f"version {values['bitstream_version']}, profile {values['profile']}{model}",
-        "encoder": info.encoder_info or "unknown",
+        "encoder": _printable(info.encoder_info) or "unknown",
         "size": f"{info.num_bytes} bytes, {info.num_bytes / header.num_frames:.0f} per frame",
         "against PLY": f"{values['compression_ratio']:.2f}x smaller",
         "bits per Gaussian": f"{values['bits_per_gaussian']:.2f}",
@@ -62,13 +68,14 @@ def _chunk_lines(info: SequenceInfo) -> list[str]:
 
 
 @click.command(epilog=_EPILOG)
-@click.argument("file", type=click.Path(path_type=Path, exists=True, dir_okay=False))
+@click.argument("file", type=StreamFile())
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @click.option("--frames", is_flag=True, help="List the frames.")
 @click.option("--chunks", is_flag=True, help="List the chunks.")
 def info(file: Path, as_json: bool, frames: bool, chunks: bool) -> None:
     """Say what is in FILE (.dgs); reads headers only."""
-    found = probe(file)
+    with refused_by_name(file):
+        found = probe(file)
     if as_json:
         values = found.as_dict()
         if chunks:

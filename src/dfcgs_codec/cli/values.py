@@ -9,6 +9,8 @@ import click
 from dfcgs_codec.arguments import rate
 from dfcgs_codec.encoder.rate_control import Bound
 
+_UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
+
 
 def frame_rate(text: str) -> Fraction:
     """`30`, `29.97` or `30000/1001`."""
@@ -48,3 +50,16 @@ def frame_range(text: str) -> tuple[int, int | None]:
     if first < 0 or (last is not None and last <= first):
         raise click.BadParameter(f"{text!r} holds no frames; A:B is frame A up to, not with, frame B")
     return first, last
+
+
+def memory_size(text: str) -> int:
+    """Bytes, written as `512M` or `4G`."""
+    number = text.upper().removesuffix("IB").removesuffix("B")
+    unit = number[-1:] if number[-1:] in _UNITS else ""
+    try:
+        size = int(float(number.removesuffix(unit)) * _UNITS[unit])
+    except (ValueError, OverflowError):
+        size = 0
+    if size < 1:
+        raise click.BadParameter(f"{text!r} is not a size such as 512M or 4G")
+    return size

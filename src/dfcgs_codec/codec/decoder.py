@@ -9,9 +9,11 @@ from typing import BinaryIO
 from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import ChunkType, Profile
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
+from dfcgs_codec.bitstream.frame_headers import coded_attributes
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.dpb import FrameState, output
 from dfcgs_codec.codec.gof_decoder import GofDecoder
+from dfcgs_codec.codec.limits import Budget, DecoderLimits
 from dfcgs_codec.errors import CorruptBitstream, ModelMismatch
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
@@ -55,14 +57,17 @@ class DecodedFrame:
 
 
 class SequenceDecoder:
-    """Decodes a `.dgs` file; needs the file alone."""
+    """Decodes a `.dgs` file; needs the file alone; refuses what exceeds `limits` with ResourceLimit."""
 
-    def __init__(self, file: BinaryIO, *, check: bool = True) -> None:
+    def __init__(self, file: BinaryIO, *, check: bool = True, limits: DecoderLimits | None = None) -> None:
         self.container = ContainerReader(file)
         self.sequence = self.container.sequence
         self._check = check
         self._numbers = self.sequence.frame_numbers.expand()
         self._model = _model_of(self.sequence)
+        has_prior = isinstance(self._model, ContextModel)
+        attributes = coded_attributes(self.sequence.sh_degree)
+        self._budget = Budget(limits or DecoderLimits(), attributes, has_prior)
 
     @property
     def comments(self) -> tuple[bytes, ...]:
@@ -99,7 +104,7 @@ class SequenceDecoder:
 
     def gof_frames(self, chunks: Iterator[ChunkHead]) -> Iterator[DecodedFrame]:
         """The frames whose chunks are given, beginning with an I-frame."""
-        gof = GofDecoder(self.container, self._check, self._model)
+        gof = GofDecoder(self.container, self._check, self._model, self._budget)
         for head in chunks:
             if head.chunk_type in (ChunkType.INTRA_FRAME, ChunkType.INTER_FRAME):
                 if head.frame_index >= self.sequence.num_frames:

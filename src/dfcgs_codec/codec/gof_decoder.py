@@ -22,6 +22,7 @@ from dfcgs_codec.codec.inter import InterShape, code_inter
 from dfcgs_codec.codec.intra import IntraShape
 from dfcgs_codec.codec.intra_frame import IntraCoding
 from dfcgs_codec.codec.latent_motion import LatentReference, code_hyper, code_latents
+from dfcgs_codec.codec.limits import Budget, FrameCharge
 from dfcgs_codec.codec.motion import NUM_MOTION_STREAMS, MotionSymbols, code_motion
 from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.symbol_reader import SymbolReader
@@ -34,10 +35,15 @@ from dfcgs_codec.model.latent_model import LatentModel, latents_of
 
 
 class _Streams:
-    """Opens the streams of a payload one after the other and checks that each was used up."""
+    """Opens the streams of a payload one after the other and checks that each was used up.
 
-    def __init__(self, reader: ByteReader, lengths: tuple[int, ...]) -> None:
-        self._reader = reader
+    `charge` is told the number of symbols of each.
+    """
+
+    def __init__(
+        self, reader: ByteReader, lengths: tuple[int, ...], charge: Callable[[int], None] | None = None
+    ) -> None:
+        self._reader, self._charge = reader, charge
         self._lengths = iter(lengths)
         self._open: SymbolReader | None = None
         if sum(lengths) != reader.remaining:
@@ -60,6 +66,8 @@ class _Streams:
         """Check the open stream."""
         if self._open is not None:
             self._open.finish()
+            if self._charge is not None:
+                self._charge(self._open.num_symbols)
 
 
 def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHeader) -> FrameState:
@@ -83,11 +91,16 @@ def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHead
 
 
 class GofDecoder:
-    """Decodes the frames of one GoF in turn; holds what they leave behind."""
+    """Decodes the frames of GoFs in turn; holds what they leave behind; `budget` is charged for them."""
 
     def __init__(
-        self, container: ContainerReader, check: bool, model: LatentModel | ContextModel | None
+        self,
+        container: ContainerReader,
+        check: bool,
+        model: LatentModel | ContextModel | None,
+        budget: Budget,
     ) -> None:
+        self._budget = budget
         self._latents = model if isinstance(model, LatentModel) else None
         self._prior = model if isinstance(model, ContextModel) else None
         self._container = container
@@ -97,8 +110,11 @@ class GofDecoder:
 
     def intra(self, head: ChunkHead, next_chunk: Callable[[], ChunkHead]) -> FrameState:
         """Decode an INTRA_FRAME chunk and the escapes that it announces."""
-        reader = self._container.payload(head)
+        # what the GoF before it left behind is not needed any more
+        self._state = None
+        reader = self._payload(head)
         header = IntraHeader.read(reader, self._sequence)
+        self._budget.intra(head.frame_index, header.num_gaussians, header.control)
         frame = decode_intra(reader, header, self._sequence)
         setup = GofSetup(header.control, self._sequence.unit_exponents, self._prior)
         state = GofState.of_intra(frame, setup, header.steps)
@@ -111,9 +127,10 @@ class GofDecoder:
         state = self._state
         if state is None:
             raise CorruptBitstream("a P-frame without an I-frame before it", offset=head.offset)
-        reader = self._container.payload(head)
+        reader = self._payload(head)
         header = InterHeader.read(reader, self._sequence)
         reader.expect_end("the P-frame header")
+        self._budget.inter(head.frame_index, state.frame.num_gaussians, header)
         changes = bool(header.tools or header.steps)
         if changes and not state.frame.num_gaussians:
             raise CorruptBitstream("a P-frame that changes a frame without Gaussians", offset=head.offset)
@@ -135,6 +152,8 @@ class GofDecoder:
         reference = LatentReference(self._latents, state, self._sequence.unit_exponents)
         frame = state.frame
         if Tool.LATENT in header.tools:
+            charge = FrameCharge(self._budget, head.frame_index, frame.num_gaussians)
+            charge.latents(len(reference.rows))
             hyper = None
             if self._latents.has_hyperprior:
                 chunk = self._open(head, next_chunk(), ChunkType.HYPERPRIOR)
@@ -145,6 +164,7 @@ class GofDecoder:
             offset, latent = chunk.offset, LatentHeader.read(chunk)
             if latent.num_coded != len(reference.rows):
                 raise CorruptBitstream(f"{latent.num_coded} control points have latents", offset=offset)
+            charge.spread(latent.num_coded, latent.spread)
             coder = _Streams.only(chunk)
             mean, indices = self._latents.distribution(
                 hyper, reference.prior(reference.rows), latent.step_log2
@@ -162,19 +182,20 @@ class GofDecoder:
         self, head: ChunkHead, header: InterHeader, state: GofState, next_chunk: Callable[[], ChunkHead]
     ) -> GofState:
         """The state after a P-frame of profile MAIN."""
+        charge = FrameCharge(self._budget, head.frame_index, state.frame.num_gaussians)
         topology = None
         if Tool.TOPOLOGY in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.TOPOLOGY)
-            topology = _Topology.read(chunk, self._sequence, state.frame.num_gaussians)
+            topology = _Topology.read(chunk, self._sequence, charge)
             state = state.survivors(topology.kept, header.block_log2)
         carried = None
         if Tool.MOTION in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.MOTION)
-            carried = _read_motion(chunk, state, header.block_log2)
+            carried = _read_motion(chunk, state, header.block_log2, charge)
         symbols = InterSymbols()
         if header.steps:
             chunk = self._open(head, next_chunk(), ChunkType.RESIDUAL)
-            symbols = _read_residual(chunk, state, header, None if carried is None else carried[1])
+            symbols = _read_residual(chunk, state, header, None if carried is None else carried[1], charge)
         predicted = state.frame if carried is None else carried[0].state
         coarser = state.visibility.all_multipliers(header.visibility)
         frame = reconstruct_inter(symbols, header.steps, predicted, coarser)
@@ -193,7 +214,11 @@ class GofDecoder:
         """Payload of a chunk that belongs to the frame of `head`."""
         if chunk.chunk_type != kind or chunk.frame_index != head.frame_index:
             raise CorruptBitstream(f"a frame lacks its {kind.name} chunk", offset=chunk.offset)
-        return self._container.payload(chunk)
+        return self._payload(chunk)
+
+    def _payload(self, head: ChunkHead) -> ByteReader:
+        self._budget.read(head.end - head.offset)
+        return self._container.payload(head)
 
     def _keep(self, state: GofState, frame_hash: bytes, head: ChunkHead) -> FrameState:
         if self._check and state.frame.hash() != frame_hash:
@@ -216,12 +241,14 @@ class _Topology:
     streams: _Streams
 
     @staticmethod
-    def read(reader: ByteReader, sequence: SequenceHeader, num_gaussians: int) -> _Topology:
-        offset = reader.offset
+    def read(reader: ByteReader, sequence: SequenceHeader, charge: FrameCharge) -> _Topology:
+        offset, num_gaussians = reader.offset, charge.num_gaussians
         header = TopologyHeader.read(reader, sequence)
         at_most(header.num_removals, num_gaussians - 1, "num_removals", offset)
         count = num_gaussians - header.num_removals + header.num_births
         at_most(count, sequence.limits.max_gaussians, "num_gaussians", offset)
+        if header.num_births:
+            charge.births(header.num_births, count)
         streams = _Streams(reader, tuple(reader.uvarint() for _ in range(header.num_streams)))
         before = (num_gaussians, sequence.unit_exponents)
         kept, births = code_topology(streams.next, None, header, before)
@@ -237,10 +264,13 @@ class _Topology:
         return state
 
 
-def _read_motion(reader: ByteReader, state: GofState, block_log2: int) -> tuple[Carried, MotionSymbols]:
+def _read_motion(
+    reader: ByteReader, state: GofState, block_log2: int, charge: FrameCharge
+) -> tuple[Carried, MotionSymbols]:
     motion = state.motion()
     header = MotionHeader.read(reader, motion.field.num_points)
-    streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)))
+    charge.spread(motion.field.num_points, header.spread)
+    streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)), charge.symbols)
     shape = motion.shape(header, block_log2, state.model)
     symbols = code_motion(streams.next, None, motion.history(block_log2), shape)
     streams.close()
@@ -248,13 +278,17 @@ def _read_motion(reader: ByteReader, state: GofState, block_log2: int) -> tuple[
 
 
 def _read_residual(
-    reader: ByteReader, state: GofState, header: InterHeader, moved: MotionSymbols | None
+    reader: ByteReader,
+    state: GofState,
+    header: InterHeader,
+    moved: MotionSymbols | None,
+    charge: FrameCharge,
 ) -> InterSymbols:
     activity = None if moved is None else moved.activity()
     attributes, count = sorted(header.steps), state.frame.num_gaussians
     prior = state.prior(header.visibility, moved)
     shape = InterShape(attributes, count, header.block_log2, state.levels, activity, prior)
-    streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes))
+    streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes), charge.symbols)
     symbols = code_inter(streams.next, None, state.history, shape)
     streams.close()
     return symbols

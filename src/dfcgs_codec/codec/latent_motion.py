@@ -88,10 +88,10 @@ class LatentReference:
         return spread_over(motions, spreading, np.ones(frame.num_gaussians, np.bool_), frame)
 
     def refined(self, frame: FrameState) -> FrameState:
-        """`frame`, predicted from the reference, with the model's changes of colour."""
+        """`frame`, predicted from the reference, with the model's changes of colour; it holds no floats."""
         bands = [attribute for attribute in SH_BANDS if attribute in frame.planes]
         if not bands:
-            return frame
+            return frame if frame.verbatim is None else replace(frame, verbatim=None)
         changes = self.model.refinements(self.prior())
         changes = shifted(changes, -(_REFINEMENT_BITS + self._units.color))
         planes, start = dict(frame.planes), 0

@@ -13,13 +13,12 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import STATE_LIMIT, ControlRule
+from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_LIMIT, ControlRule
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.binding import Binding
 from dfcgs_codec.codec.reconstruct import scaled
 from dfcgs_codec.transform.control_points import (
-    MAX_CONTROL_POINTS,
     distinct_points,
     farthest_points,
     gather_from,

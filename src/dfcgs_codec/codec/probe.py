@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, BinaryIO
 
 from dfcgs_codec.arguments import AnyPath, path_of
 from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     GRADED_STREAMS,
+    MAX_CONTROL_POINTS,
     STATE_COLUMNS,
     Attribute,
     ChunkType,
@@ -23,7 +24,6 @@ from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.errors import CorruptBitstream
-from dfcgs_codec.transform.control_points import MAX_CONTROL_POINTS
 
 #: longer than any frame header
 _HEADER_BYTES = 512
@@ -186,9 +186,14 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
 def probe(path: AnyPath) -> SequenceInfo:
     """Describe the file at `path`; BitstreamError where its headers do not make sense."""
     with path_of("path", path, "the path of a .dgs file").open("rb") as file:
-        container = ContainerReader(file)
-        info = SequenceInfo(container.sequence, container.size)
-        _collect(container, info)
+        return probe_file(file)
+
+
+def probe_file(file: BinaryIO) -> SequenceInfo:
+    """The same of a file that is open."""
+    container = ContainerReader(file)
+    info = SequenceInfo(container.sequence, container.size)
+    _collect(container, info)
     if not info.frames:
         raise CorruptBitstream("the file has no frames")
     return info

@@ -26,7 +26,7 @@ def _attribute_keys(cloud: GaussianCloud) -> dict[str, UInt64]:
     tables = (cloud.positions, cloud.rotations, cloud.scales, cloud.opacities[:, None], cloud.sh_dc, rest)
     hashes, weights = [], WEIGHTS
     for table in tables:
-        bits = (table + np.float32(0.0)).view(np.uint32)  # the sum turns -0.0 into 0.0
+        bits = (table + table.dtype.type(0.0)).view(f"u{table.itemsize}")  # the sum turns -0.0 into 0.0
         hashes.append(np.einsum("nc,c->n", bits, weights[: table.shape[1]]))
         weights = weights[table.shape[1] :]
     return dict(zip(_EVERYTHING, [*hashes[:4], hashes[4] + hashes[5]], strict=True))

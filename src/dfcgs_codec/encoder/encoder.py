@@ -10,7 +10,14 @@ from typing import BinaryIO
 import numpy as np
 
 from dfcgs_codec.bitstream.comments import PlyComments
-from dfcgs_codec.bitstream.constants import LEVELS, MODEL_HASH_BYTES, ChunkType, IntraKind, Profile
+from dfcgs_codec.bitstream.constants import (
+    LEVELS,
+    MAX_CONTROL_POINTS,
+    MODEL_HASH_BYTES,
+    ChunkType,
+    IntraKind,
+    Profile,
+)
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.io import ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
@@ -35,9 +42,14 @@ from dfcgs_codec.sequence import FolderSource, FrameSource, notes_of, sequence_s
 Progress = Callable[[int, int], None]
 
 
-def _level(max_gaussians: int, num_frames: int) -> int:
+def _level(max_gaussians: int, num_frames: int, control_spacing: int) -> int:
+    points = min(max_gaussians // control_spacing, MAX_CONTROL_POINTS)
     for level, limits in LEVELS.items():
-        if max_gaussians <= limits.max_gaussians and num_frames <= limits.max_frames:
+        if (
+            max_gaussians <= limits.max_gaussians
+            and num_frames <= limits.max_frames
+            and points <= limits.max_control_points
+        ):
             return level
     largest = max(LEVELS.values())
     raise InputError(
@@ -86,7 +98,7 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     model = installed(options.model) if options.model else None
     header = SequenceHeader(
         profile=options.profile,
-        level=_level(max(counts), len(counts)),
+        level=_level(max(counts), len(counts), options.control_spacing),
         sh_degree=sequence_sh_degree(headers),
         output_order=options.order,
         frame_rate=(options.frame_rate.numerator, options.frame_rate.denominator),

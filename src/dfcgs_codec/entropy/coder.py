@@ -93,7 +93,7 @@ class RangeWriter:
 
 
 class RangeReader:
-    """Decodes symbols from a stream whose checksum was found right."""
+    """Decodes symbols from a stream whose checksum was found right; `num_symbols` so far."""
 
     def __init__(self, data: bytes, offset: int | None = None) -> None:
         self._offset = offset
@@ -101,11 +101,13 @@ class RangeReader:
             raise CorruptBitstream("a range-coded stream is not a whole number of words", offset=offset)
         words = np.frombuffer(data, "<u4").astype(np.uint32)
         self._decoder = constriction.stream.queue.RangeDecoder(words)
+        self.num_symbols = 0
 
     def code(self, symbols: Int64 | None, model: Model, count: int) -> Int64:
         """Decode `count` symbols."""
         if not count:
             return np.zeros(0, np.int64)
+        self.num_symbols += count
         try:
             decoded = self._decoder.decode(model.native, count)
         except Exception as error:

@@ -10,17 +10,19 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS
+
 Int64 = npt.NDArray[np.int64]
 
 #: cells lie within +- this
 CELL_LIMIT = 1 << 20
-#: a GoF has at most this many control points, so that a decoder's work stays bounded
-MAX_CONTROL_POINTS = 1 << 14
 #: control points that a Gaussian gathers from
 NUM_GATHERED = 4
 GATHER_WEIGHT_BITS = 12
 #: Gaussians of a bucket of the farthest point search; in Morton order they are close together
 _BUCKET = 256
+#: so many of them are looked at together: what is computed then stays in the processor's cache
+_BUCKETS_AT_ONCE = 64
 _RADIUS_BITS = 10
 #: neighbours asked for beyond those needed, so that ties can be put in order
 _SPARE = 4
@@ -58,42 +60,51 @@ def _outside(low: Int64, high: Int64, point: list[int]) -> Int64:
     return total
 
 
+def _buckets(cells: Int64) -> Int64:
+    """Cells (N, 3) as columns (3, buckets, 256), the last one repeated to fill the last bucket."""
+    spare = -len(cells) % _BUCKET
+    # column by column: numpy's sums over a short last axis are slow
+    columns = np.pad(cells.T, ((0, 0), (0, spare)), mode="edge")
+    return np.ascontiguousarray(columns).reshape(3, -1, _BUCKET)
+
+
 def farthest_points(cells: Int64, count: int) -> Int64:
     """Exact farthest point sampling of `cells` (N, 3): at most `count` indices, coarse to fine.
 
     Begins with Gaussian 0; each next one is the farthest from all before it, the first of equals. Ends early
     when every Gaussian coincides with a chosen one.
     """
-    starts = np.arange(0, len(cells), _BUCKET)
-    # column by column: numpy's sums over a short last axis are slow
-    columns = np.ascontiguousarray(cells.T)
-    low, high = np.minimum.reduceat(columns, starts, axis=1), np.maximum.reduceat(columns, starts, axis=1)
-    farthest = np.full(len(starts), np.iinfo(np.int64).max)
-    distance = np.full(len(cells), np.iinfo(np.int64).max)
+    buckets = _buckets(cells)
+    low, high = buckets.min(axis=2), buckets.max(axis=2)
+    farthest = np.full(low.shape[1], np.iinfo(np.int64).max)
+    distance = np.full(buckets.shape[1:], np.iinfo(np.int64).max)
     chosen = [0]
     while len(chosen) < count:
         point = cells[chosen[-1]].tolist()
         # a bucket whose box is farther away than its farthest Gaussian is from the set cannot change
-        for b in np.flatnonzero(_outside(low, high, point) < farthest).tolist():
-            rows = slice(b * _BUCKET, (b + 1) * _BUCKET)
-            _approach(distance[rows], columns[:, rows], point)
-            farthest[b] = distance[rows].max()
+        near = np.flatnonzero(_outside(low, high, point) < farthest)
+        for start in range(0, len(near), _BUCKETS_AT_ONCE):
+            some = near[start : start + _BUCKETS_AT_ONCE]
+            closer = np.minimum(distance[some], _squared_to(buckets[:, some], point))
+            distance[some] = closer
+            farthest[some] = closer.max(axis=1)
         best = int(farthest.argmax())
         if farthest[best] == 0:
             break
-        chosen.append(best * _BUCKET + int(distance[best * _BUCKET : (best + 1) * _BUCKET].argmax()))
+        # in a bucket that was filled up the first of equals is one that is there
+        chosen.append(best * _BUCKET + int(distance[best].argmax()))
     return np.array(chosen, np.int64)
 
 
-def _approach(distance: Int64, columns: Int64, point: list[int]) -> None:
-    """Lower squared distances (rows,) of `columns` (3, rows) to those to `point`."""
-    total = columns[0] - point[0]
-    total *= total
-    for axis in (1, 2):
-        apart = columns[axis] - point[axis]
-        apart *= apart
-        total += apart
-    np.minimum(distance, total, out=distance)
+def _squared_to(columns: Int64, point: list[int]) -> Int64:
+    """Squared distances (...) of `columns` (3, ...) to `point`; works in place."""
+    for axis in range(3):
+        columns[axis] -= point[axis]
+    columns *= columns
+    columns[0] += columns[1]
+    columns[0] += columns[2]
+    squared: Int64 = columns[0]
+    return squared
 
 
 def distinct_points(cells: Int64, points: Int64) -> Int64:
@@ -119,15 +130,22 @@ def _sorted(ranks: Int64, squared: Int64) -> tuple[Int64, Int64]:
 
 def _search_all(cells: Int64, control: Int64, count: int) -> Int64:
     """Ranks of the nearest by looking at all."""
-    found = np.empty((len(cells), count), np.int64)
+    distinct, inverse = np.unique(cells, axis=0, return_inverse=True)
+    found = np.empty((len(distinct), count), np.int64)
     step = max(1, _MAX_DISTANCES // len(control))
     everyone = np.arange(len(control))
-    for start in range(0, len(cells), step):
+    for start in range(0, len(distinct), step):
         rows = slice(start, start + step)
-        ranks = np.broadcast_to(everyone, (len(cells[rows]), len(control)))
-        squared = _squared(cells[rows], control, ranks)
-        found[rows] = np.argsort(squared, axis=1, kind="stable")[:, :count]
-    return found
+        squared = np.zeros((len(distinct[rows]), len(control)), np.int64)
+        for axis in range(3):
+            squared += (distinct[rows, axis, None] - control[:, axis]) ** 2
+        # one number for distance and rank: cells are below 2**20, ranks below 2**14
+        squared <<= MAX_CONTROL_POINTS.bit_length()
+        squared |= everyone
+        squared.partition(count - 1, axis=1)
+        nearest_ones = np.sort(squared[:, :count], axis=1)
+        found[rows] = nearest_ones & ((1 << MAX_CONTROL_POINTS.bit_length()) - 1)
+    return found[inverse.reshape(-1)]
 
 
 def nearest(cells: Int64, control: Int64, count: int) -> tuple[Int64, Int64]:

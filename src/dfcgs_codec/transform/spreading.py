@@ -35,6 +35,8 @@ DECAY = (
     307285,
     5628,
 )
+#: candidates looked at together
+_MAX_CANDIDATES = 1 << 21
 
 
 def decayed(distance: Int64) -> Int64:
@@ -105,12 +107,33 @@ def _neighbours(cells: Int64, control: Int64, count: int) -> tuple[Int64, Int64]
     asked = min(count, len(distinct))
     last = tree.query(centers, asked)[1].reshape(len(control), asked)[:, -1]
     reach = ((distinct[last] - control) ** 2).sum(axis=1)
-    # squares are integers, so that half of one more excludes none of the equals and lets none further in
-    found = tree.query_ball_point(centers, np.sqrt(reach + 0.5))
+    # squares are integers, so that half of one more excludes none of the equals and lets none further in;
+    # where a great many are equally far, not all are looked at together
+    radius = np.sqrt(reach + 0.5)
+    total = np.cumsum(tree.query_ball_point(centers, radius, return_length=True) * int(sizes.max()))
+    parts = []
+    start = 0
+    while start < len(control):
+        before = total[start - 1] if start else 0
+        stop = max(start + 1, int(np.searchsorted(total, before + _MAX_CANDIDATES, side="right")))
+        found = tree.query_ball_point(centers[start:stop], radius[start:stop])
+        parts.append(_nearest_found(found, (order, begins, sizes), (cells, control[start:stop], count)))
+        start = stop
+    gaussians, squared = zip(*parts, strict=True)
+    return np.concatenate(gaussians), np.concatenate(squared)
+
+
+def _nearest_found(
+    found: npt.NDArray[np.object_],
+    distinct: tuple[Int64, Int64, Int64],
+    search: tuple[Int64, Int64, int],
+) -> tuple[Int64, Int64]:
+    """The nearest of what was found about some control points: lists of distinct cells."""
     places = np.concatenate([np.asarray(some, np.int64) for some in found])
-    ranks = np.repeat(np.arange(len(control)), [len(some) for some in found])
+    ranks = np.repeat(np.arange(len(found)), [len(some) for some in found])
+    order, begins, sizes = distinct
     members = _members(order, begins, sizes, places)
-    return _nearest_of(members, np.repeat(ranks, sizes[places]), (cells, control, count))
+    return _nearest_of(members, np.repeat(ranks, sizes[places]), search)
 
 
 def _members(order: Int64, begins: Int64, sizes: Int64, places: Int64) -> Int64:

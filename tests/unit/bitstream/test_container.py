@@ -119,7 +119,12 @@ def test_another_packages_dgs_file_is_refused_by_name() -> None:
         reader_of(b"glps\x01\x00\x00\x00 and more")
 
 
-@pytest.mark.parametrize("data", [b"ply\nformat ascii 1.0\n", b"\x89PNG\r\n\x1a\n", b"\x00" * 40, b"\x89DGT"])
+def test_a_ply_is_called_one() -> None:
+    with pytest.raises(NotADgsFile, match="PLY frame"):
+        reader_of(b"ply\nformat ascii 1.0\n")
+
+
+@pytest.mark.parametrize("data", [b"\x89PNG\r\n\x1a\n", b"\x00" * 40, b"\x89DGT"])
 def test_other_files_are_refused(data: bytes) -> None:
     with pytest.raises(NotADgsFile, match="it starts with"):
         reader_of(data)

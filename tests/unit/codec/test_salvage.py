@@ -1,16 +1,23 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
 import pytest
 
 from dfcgs_codec import EncoderOptions
-from dfcgs_codec.bitstream.container import ContainerReader
+from dfcgs_codec.bitstream.constants import MAGIC, ChunkType
+from dfcgs_codec.bitstream.container import ContainerReader, write_chunk
+from dfcgs_codec.bitstream.frame_headers import IntraHeader
+from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
+from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.salvage import salvage
 from dfcgs_codec.errors import CorruptBitstream, NotADgsFile, TruncatedBitstream
-from tests.helpers import all_changing, encode, frame_hashes, make_cloud
+from tests.helpers import ROOT, all_changing, encode, frame_hashes, make_cloud, split_chunks
+
+CONFORMANCE = ROOT / "tests" / "conformance" / "valid"
 
 
 @pytest.fixture(scope="module")
@@ -63,16 +70,73 @@ def test_damage_costs_the_rest_of_its_gof_only(path: Path) -> None:
         assert indices == [i for i in range(9) if i not in lost]
         assert found == [hashes[i] for i in indices]
         assert len(losses) == 1
-        assert f"begins with frame {3 * (frame // 3)}" in losses[0]
+        which = f"frame {frame}:" if len(lost) == 1 else f"frames {frame} to {lost[-1]}:"
+        assert losses[0].startswith(which)
+        assert "checksum" in losses[0]
 
 
-def test_a_wrong_length_ends_the_search(path: Path) -> None:
-    data = bytearray(path.read_bytes())
-    at = starts(bytes(data))[3]
-    data[at + 2 : at + 4] = b"\xff\x7f"
-    indices, _, losses = rescue(bytes(data))
-    assert indices[:3] == [0, 1, 2]
-    assert losses
+def damaged(data: bytes, offset: int, change: bytes) -> bytes:
+    return data[:offset] + change + data[offset + len(change) :]
+
+
+#: what becomes of the first bytes of a frame's chunk: type, frame index, length
+HEADS = {
+    "type": b"\x33",
+    "type of another frame": b"\x20",
+    "type of none": b"\xb3",
+    "frame index": b"\x10\x07",
+    "length too large": b"\x10\x03\xff\x7f",
+    "length a little too large": b"\x10\x03\xa0\x0b",
+    "length too small": b"\x10\x03\x81\x01",
+    "nothing right": b"\xff" * 30,
+}
+
+
+@pytest.mark.parametrize("has_index", [True, False])
+@pytest.mark.parametrize("name", HEADS)
+def test_a_damaged_head_costs_its_gof_only(path: Path, name: str, has_index: bool) -> None:
+    data, hashes = path.read_bytes(), frame_hashes(path)
+    wrong = damaged(data, starts(data)[3], HEADS[name])
+    indices, found, losses = rescue(wrong if has_index else wrong[:-30])
+    assert indices == [0, 1, 2, 6, 7, 8]
+    assert found == [hashes[i] for i in indices]
+    assert losses[0].startswith("frames 3 to 5: ")
+    assert len(losses) == 1
+
+
+def test_only_the_end_is_damaged(path: Path) -> None:
+    data = path.read_bytes()
+    for wrong in (data[:-3], damaged(data, len(data) - 20, b"oops"), data[:-15]):
+        indices, _, losses = rescue(wrong)
+        assert indices == list(range(9))
+        assert losses[0].startswith("no frame, but: ")
+
+
+def test_a_chunk_without_frames_costs_none(path: Path) -> None:
+    data = path.read_bytes()
+    at = data.index(b"dfcgs-codec")
+    indices, _, losses = rescue(damaged(data, at, b"D"))
+    assert indices == list(range(9))
+    assert len(losses) == 1
+
+
+def test_the_search_for_frames_is_bounded() -> None:
+    """Bytes that look like ever new I-frames, each half as long as the file."""
+    chunks = split_chunks((CONFORMANCE / "single_gaussian.dgs").read_bytes())
+    sequence = SequenceHeader.read(ByteReader(chunks[0].payload))
+    payload = next(c.payload for c in chunks if c.chunk_type == ChunkType.INTRA_FRAME)
+    header = IntraHeader.read(ByteReader(payload), sequence)
+    rest = 100_000
+    writer = ByteWriter()
+    replace(header, lengths=(*header.lengths[:-1], rest - sum(header.lengths[:-1]))).write(writer)
+    head = ByteWriter()
+    head.raw(bytes([ChunkType.INTRA_FRAME, 0]))
+    head.uvarint(len(writer) + rest)
+    decoy = head.getvalue() + writer.getvalue()
+    start = MAGIC + write_chunk(ChunkType.SEQUENCE_HEADER, 0, chunks[0].payload) + b"\x33"
+    indices, _, losses = rescue(start + decoy * (2 * rest // len(decoy)))
+    assert indices == []
+    assert "looks like" in losses[0]
 
 
 def test_without_a_header_nothing_can_be_done(path: Path) -> None:

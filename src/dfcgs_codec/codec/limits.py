@@ -1,0 +1,200 @@
+"""What a file may ask of the machine that decodes it: memory and work, known from headers alone.
+
+A few bytes can announce millions of Gaussians. So each frame is charged before anything is allocated for it:
+its memory is estimated, its work is added up, and both are held against what the bytes read so far pay for.
+Memory is in bytes of the whole process, work in nanoseconds of an ordinary core; the constants were measured
+(`tests/troubles/test_bombs.py` holds them against what decoding takes).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_COLUMNS, Attribute, Tool
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, InterHeader
+from dfcgs_codec.bitstream.motion_header import SpreadHeader
+from dfcgs_codec.errors import ResourceLimit
+
+#: what a process takes before its first Gaussian: interpreter, libraries, models
+_PROCESS = 96 << 20
+#: without `max_gaussians`: memory and work that every file is allowed, and what each of its bytes adds
+_FREE_MEMORY, _MEMORY_PER_BYTE = 256 << 20, 4096
+_FREE_WORK, _WORK_PER_BYTE = 300_000_000, 100_000
+
+
+@dataclass(frozen=True)
+class DecoderLimits:
+    """Files that ask for more are refused, with ResourceLimit, before the memory is taken.
+
+    `max_memory`: bytes that the process may need. `max_gaussians`: Gaussians a frame that are accepted
+    however few bytes they take; None: as many, in all frames together, as the bytes read so far pay for.
+    """
+
+    max_memory: int = 2 << 30
+    max_gaussians: int | None = None
+
+    def __post_init__(self) -> None:
+        """ValueError for limits below 1."""
+        if self.max_memory < 1 or (self.max_gaussians is not None and self.max_gaussians < 1):
+            raise ValueError(f"{self}: limits are 1 or more")
+
+
+#: for files of one's own
+UNLIMITED = DecoderLimits(max_memory=1 << 60, max_gaussians=1 << 60)
+
+
+def intra_memory(num_gaussians: int, columns: int) -> int:
+    """Bytes that an I-frame takes, or as many births; `columns`: values of a Gaussian."""
+    return num_gaussians * (850 + 27 * columns)
+
+
+def inter_memory(num_gaussians: int, columns: int, coded: int, has_prior: bool) -> int:
+    """Bytes that a P-frame takes with all that is kept for it; `coded` of its columns have symbols."""
+    return num_gaussians * (1500 + 27 * columns + (65 if has_prior else 25) * coded)
+
+
+def intra_work(num_gaussians: int, columns: int) -> int:
+    """Of an I-frame or of births."""
+    return 200_000 * columns + num_gaussians * (2500 + 130 * columns)
+
+
+def output_work(num_gaussians: int, columns: int) -> int:
+    """Of handing a frame out and writing it down."""
+    return 200_000 + num_gaussians * (30 + 4 * columns)
+
+
+def inter_work(num_gaussians: int, coded: int, tools: frozenset[Tool]) -> int:
+    """Of a P-frame, control points, births and symbols left out; `coded`: columns that may have symbols."""
+    each, fixed = 0, 0
+    if tools or coded:
+        each, fixed = 150, 1_000_000
+    if coded:
+        each += 100 + 15 * coded
+        fixed += 20_000 * coded
+    if Tool.MOTION in tools:
+        each, fixed = each + 400, fixed + 5_000_000
+    if Tool.TOPOLOGY in tools:
+        each += 1500
+    if Tool.LATENT in tools:
+        each, fixed = each + 1000, fixed + 5_000_000
+    if Tool.REFINEMENT in tools:
+        each += 25_000
+    return fixed + num_gaussians * each
+
+
+def symbol_work(num_symbols: int, has_prior: bool) -> int:
+    """Of symbols of a P-frame."""
+    return num_symbols * (250 if has_prior else 60)
+
+
+def control_work(num_gaussians: int, control: ControlHeader) -> int:
+    """Of choosing control points and finding whom each Gaussian follows, once a GoF."""
+    points = min(max(1, num_gaussians // control.spacing), MAX_CONTROL_POINTS)
+    return 3000 * num_gaussians + 10 * points * num_gaussians
+
+
+class Budget:
+    """What a file has asked for so far, held against `limits`."""
+
+    def __init__(self, limits: DecoderLimits, attributes: list[Attribute], has_prior: bool) -> None:
+        self._limits, self._has_prior = limits, has_prior
+        self._columns = sum(STATE_COLUMNS[a] for a in attributes)
+        self._bytes = self._work = 0
+        self._control: ControlHeader | None = None
+
+    def read(self, num_bytes: int) -> None:
+        """Bytes of a chunk that was read."""
+        self._bytes += num_bytes
+
+    def intra(self, frame: int, num_gaussians: int, control: ControlHeader) -> None:
+        """Charge an I-frame; ResourceLimit where it asks for too much."""
+        self._control = control
+        self._frame(frame, num_gaussians, intra_memory(num_gaussians, self._columns))
+        work = intra_work(num_gaussians, self._columns) + output_work(num_gaussians, self._columns)
+        self._spend(frame, num_gaussians, work)
+
+    def inter(self, frame: int, num_gaussians: int, header: InterHeader) -> None:
+        """Charge a P-frame, its births left out."""
+        coded = sum(STATE_COLUMNS[a] for a in header.steps)
+        work = output_work(num_gaussians, self._columns)
+        work += inter_work(num_gaussians, coded, header.tools)
+        if header.tools - {Tool.VISIBILITY} and self._control is not None:
+            work += control_work(num_gaussians, self._control)
+            self._control = None
+        if header.tools or header.steps:
+            memory = inter_memory(num_gaussians, self._columns, coded, self._has_prior)
+            self._frame(frame, num_gaussians, memory)
+        self._spend(frame, num_gaussians, work)
+
+    def births(self, frame: int, num_births: int, num_gaussians: int) -> None:
+        """Charge births; `num_gaussians`: with them."""
+        memory = intra_memory(num_births, self._columns)
+        memory += inter_memory(num_gaussians, self._columns, self._columns, self._has_prior)
+        self._frame(frame, num_gaussians, memory)
+        self._spend(frame, num_gaussians, intra_work(num_births, self._columns))
+
+    def symbols(self, frame: int, num_gaussians: int, num_symbols: int) -> None:
+        """Charge what was read from a stream of a P-frame."""
+        self._spend(frame, num_gaussians, symbol_work(num_symbols, self._has_prior))
+
+    def spread(self, frame: int, num_gaussians: int, num_shares: int) -> None:
+        """Charge motion that control points spread, so many shares in all."""
+        self._spend(frame, num_gaussians, 150 * num_shares)
+
+    def latents(self, frame: int, num_gaussians: int, num_points: int) -> None:
+        """Charge control points whose motion a network decodes."""
+        self._spend(frame, num_gaussians, 50_000 * num_points)
+
+    def _frame(self, frame: int, num_gaussians: int, memory: int) -> None:
+        limits, memory = self._limits, memory + _PROCESS
+        asked = f"frame {frame} has {num_gaussians} Gaussians"
+        if limits.max_gaussians is not None and num_gaussians > limits.max_gaussians:
+            what = f"{asked}, at most {limits.max_gaussians} are allowed"
+            raise ResourceLimit(what, "max_gaussians", num_gaussians)
+        if memory > limits.max_memory:
+            what = f"{asked}: about {_mib(memory)} of memory, at most {_mib(limits.max_memory)} are allowed"
+            raise ResourceLimit(what, "max_memory", memory)
+        if limits.max_gaussians is None and memory > _FREE_MEMORY + _MEMORY_PER_BYTE * self._bytes:
+            raise ResourceLimit(
+                f"{asked}, and {self._bytes} bytes so far: {_BOMB}", "max_gaussians", num_gaussians
+            )
+
+    def _spend(self, frame: int, num_gaussians: int, work: int) -> None:
+        self._work += work
+        if self._limits.max_gaussians is None and self._work > _FREE_WORK + _WORK_PER_BYTE * self._bytes:
+            what = f"frames up to {frame} are far more work than {self._bytes} bytes usually are: {_BOMB}"
+            raise ResourceLimit(what, "max_gaussians", num_gaussians)
+
+
+@dataclass(frozen=True)
+class FrameCharge:
+    """What a frame is charged with while its chunks are read."""
+
+    budget: Budget
+    frame: int
+    num_gaussians: int
+
+    def births(self, num_births: int, num_gaussians: int) -> None:
+        """See Budget."""
+        self.budget.births(self.frame, num_births, num_gaussians)
+
+    def symbols(self, num_symbols: int) -> None:
+        """See Budget."""
+        self.budget.symbols(self.frame, self.num_gaussians, num_symbols)
+
+    def spread(self, num_points: int, spread: SpreadHeader | None) -> None:
+        """See Budget; nothing where motion is not spread."""
+        if spread is not None:
+            shares = num_points * min(spread.num_neighbours, self.num_gaussians)
+            self.budget.spread(self.frame, self.num_gaussians, shares)
+
+    def latents(self, num_points: int) -> None:
+        """See Budget."""
+        self.budget.latents(self.frame, self.num_gaussians, num_points)
+
+
+_BOMB = "made to exhaust a decoder, or nothing but repetition"
+
+
+def _mib(num_bytes: int) -> str:
+    return f"{-(-num_bytes >> 20)} MiB"

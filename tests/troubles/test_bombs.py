@@ -1,0 +1,165 @@
+"""Files of less than 10 kB that ask for much: borne, or refused before the memory or the time is taken."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import pytest
+
+from dfcgs_codec import DecoderLimits, DfcgsError, EncoderOptions, ResourceLimit
+from dfcgs_codec.bitstream.constants import ControlRule, IntraKind
+from dfcgs_codec.bitstream.frame_headers import ControlHeader
+from dfcgs_codec.bitstream.motion_header import SpreadHeader
+from dfcgs_codec.bitstream.sequence_header import FrameNumbers
+from dfcgs_codec.codec.decoder import SequenceDecoder
+from tests.helpers import join_chunks, make_cloud, split_chunks
+from tests.troubles.bombs import (
+    MOST_BYTES,
+    Kind,
+    alike,
+    encoded,
+    file_of_alike,
+    lattice,
+    repeated,
+    with_header,
+    with_intra,
+)
+from tests.troubles.situations import run
+
+MOST_MIB = 300
+#: 2 s of an idle core are the aim; what a loaded machine adds to them is not the file's fault
+MOST_SECONDS = 2.0 * 3
+_FRESH = """
+import json, sys, time
+from dfcgs_codec import DfcgsError, decode_sequence
+frames, error = 0, ""
+try:
+    for frame in decode_sequence(sys.argv[1]):
+        frame.cloud()
+        frames += 1
+except DfcgsError as refusal:
+    error = type(refusal).__name__
+peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM"))
+print(json.dumps([frames, error, int(peak.split()[1]) / 1024, time.process_time()]))
+"""
+
+
+def many_frames() -> bytes:
+    """The longest sequence that the last level allows, announced by a file of one Gaussian."""
+    return with_header(encoded(make_cloud(1)), level=3, frame_numbers=FrameNumbers(((0, 1 << 20),)))
+
+
+def many_gofs() -> bytes:
+    """The same I-frame again and again."""
+    data = encoded(alike(20_000))
+    chunks = split_chunks(data)
+    count = MOST_BYTES // (len(chunks[-1].payload) + 15) - 1
+    data = with_header(data, frame_numbers=FrameNumbers(((0, count),)))
+    header = split_chunks(data)[0]
+    intra = next(c for c in chunks if c.chunk_type == 0x10)
+    return join_chunks([header, *(replace(intra, frame_index=i) for i in range(count))])
+
+
+def claimed(count: int, **changes: object) -> bytes:
+    """So many Gaussians in empty streams."""
+    return with_intra(with_header(encoded(make_cloud(40)), level=3), num_gaussians=count, **changes)
+
+
+#: name: file, and the errors that it may end with, "" where its frames come out
+BOMBS: dict[str, tuple[Callable[[], bytes], set[str]]] = {
+    "a million frames": (many_frames, {"CorruptBitstream"}),
+    "16 million Gaussians": (lambda: claimed(1 << 24), {"ResourceLimit"}),
+    "as many as are let in": (lambda: file_of_alike(60_000), {""}),
+    "verbatim, SH degree 2": (lambda: encoded(alike(30_000, 2), EncoderOptions(intra=IntraKind.PLY)), {""}),
+    "many groups of frames": (many_gofs, {"ResourceLimit"}),
+    "frames that repeat": (lambda: repeated(file_of_alike(60_000), Kind(), 150), {"ResourceLimit"}),
+    "control points": (
+        lambda: repeated(encoded(lattice(3000), EncoderOptions(control_spacing=1)), Kind(motion=True), 15),
+        {"", "ResourceLimit"},
+    ),
+    "control points that spread": (
+        lambda: repeated(
+            encoded(lattice(2000), EncoderOptions(control_spacing=2)),
+            Kind(motion=True, spread=SpreadHeader(128, 0)),
+            15,
+        ),
+        {"", "ResourceLimit"},
+    ),
+    "residuals": (lambda: repeated(encoded(alike(300, 1)), Kind(residual=True), 25), {"", "ResourceLimit"}),
+    "new Gaussians": (lambda: repeated(file_of_alike(2000), Kind(births=2000), 25), {"", "ResourceLimit"}),
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_no_small_file_takes_much(name: str, tmp_path: Path) -> None:
+    make, outcomes = BOMBS[name]
+    data = make()
+    assert len(data) <= MOST_BYTES
+    (tmp_path / "bomb.dgs").write_bytes(data)
+    command = [sys.executable, "-c", _FRESH, str(tmp_path / "bomb.dgs")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    _, error, mib, seconds = json.loads(done.stdout)
+    assert error in outcomes
+    assert mib <= MOST_MIB
+    assert seconds <= MOST_SECONDS
+
+
+def decoded(data: bytes, limits: DecoderLimits | None = None) -> int:
+    return len(list(SequenceDecoder(BytesIO(data), limits=limits).frames()))
+
+
+def test_what_the_caller_allows_is_decoded() -> None:
+    data = file_of_alike(100_000)
+    with pytest.raises(ResourceLimit, match=r"DecoderLimits\(max_gaussians=100000\)") as refusal:
+        decoded(data)
+    assert refusal.value.value == 100_000
+    assert decoded(data, DecoderLimits(max_gaussians=100_000)) == 1
+    with pytest.raises(ResourceLimit, match="at most 99999"):
+        decoded(data, DecoderLimits(max_gaussians=99_999))
+
+
+def test_memory_is_what_the_caller_allows() -> None:
+    data = file_of_alike(60_000)
+    with pytest.raises(ResourceLimit, match="MiB") as refusal:
+        decoded(data, DecoderLimits(max_memory=100 << 20))
+    assert decoded(data, DecoderLimits(max_memory=refusal.value.value)) == 1
+
+
+@pytest.mark.parametrize("changes", [{"max_memory": 0}, {"max_gaussians": 0}, {"max_gaussians": -1}])
+def test_limits_are_positive(changes: dict[str, int]) -> None:
+    with pytest.raises(ValueError, match="1 or more"):
+        DecoderLimits(**changes)
+
+
+def test_control_points_keep_the_level() -> None:
+    data = encoded(make_cloud(40))
+    for spacing, error in (
+        (1, "control points is 5000, at most 4096"),
+        (2, "do not add up"),
+    ):
+        control = ControlHeader(ControlRule.STRIDE, spacing, 0)
+        with pytest.raises(DfcgsError, match=error):
+            decoded(with_intra(data, num_gaussians=5000, control=control))
+
+
+@pytest.mark.parametrize(
+    ("options", "advice"),
+    [((), "--max-gaussians 100000"), (("--max-memory", "64M", "--max-gaussians", "200000"), "--max-memory")],
+)
+def test_the_advice_of_the_command_line_works(options: tuple[str, ...], advice: str, tmp_path: Path) -> None:
+    path = tmp_path / "alike.dgs"
+    path.write_bytes(file_of_alike(100_000))
+    refused = run("decode", path, "--check-only", *options)
+    assert refused.code == 3
+    assert str(path) in refused.err
+    assert advice in refused.err
+    assert "DecoderLimits" not in refused.err
+    words = refused.err.split()
+    at = words.index(advice.split()[0])
+    assert run("decode", path, "--check-only", *options, *words[at : at + 2]).code == 0
