@@ -180,13 +180,6 @@ def _opened(
     except InputError as error:
         raise InputError(f"{folder}: {error}") from None
     paths = [folder / found.names[index] for index in order.index]
-    headers = [_header(path) for path in paths]
+    headers = [peek_header(path, policy) for path in paths]
     notes = [*found.notes, *order.notes, *padding_notes([path.name for path in paths], headers)]
     return FolderSource(paths, order.numbers, headers, policy or InputPolicy(), notes)
-
-
-def _header(path: Path) -> PlyHeader:
-    try:
-        return peek_header(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None

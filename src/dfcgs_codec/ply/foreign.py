@@ -1,0 +1,200 @@
+"""Frames in other formats, with a maintained reader (the extra `formats`): compressed PLY, .splat, .spz.
+
+How many Gaussians there are is read here from header and size, before anything is allocated for them, and
+compared with what the reader returns. The reader runs in a process of its own: it is native code that gets
+strangers' bytes, and it prints to standard output.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import subprocess
+import sys
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from dfcgs_codec.errors import InputError
+from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
+from dfcgs_codec.ply.body import Columns, ends_early, least_bytes, read_columns
+from dfcgs_codec.ply.formats import READER, advice, reader_installed
+from dfcgs_codec.ply.header import Header, read_header, readable
+from dfcgs_codec.ply.policy import InputPolicy, PlyHeader
+from dfcgs_codec.ply.read import file_size, finished
+from dfcgs_codec.ply.repair import INVISIBLE_LOGIT, OPAQUE_LOGIT
+from dfcgs_codec.ply.schema import frame_layout, standard_columns
+
+COMPRESSED, SPLAT, SPZ = "compressed.ply", "splat", "spz"
+_WHAT = {COMPRESSED: "a compressed PLY (packed_position)", SPLAT: "a .splat file", SPZ: "an SPZ file"}
+_SPLAT_BYTES = 32
+_CHUNK = 256
+#: magic, version, Gaussians, SH degree, bits of fractions, flags, reserved
+_SPZ_HEAD = struct.Struct("<4sIIBBBB")
+_SPZ_ANTIALIASED = 1
+_SPZ_GZIP_VERSIONS = (1, 2, 3)
+_GZIP = 31
+#: no compressor of real Gaussians comes near this many in a byte
+_MOST_PER_BYTE = 1024
+#: SPZ has y up and z towards the viewer, PLYs have y down and z forward: half a turn about x.
+#: signs of the higher SH coefficients under that turn, degree 1 to 3
+_SH_SIGNS = (-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1)
+_CHILD = f"""
+import os, sys
+out = os.dup(1)
+os.dup2(2, 1)
+import {READER}
+result = {READER}.GaussForge().convert(sys.stdin.buffer.read(), sys.argv[1], "ply")
+if "error" in result:
+    sys.exit(str(result["error"]))
+with os.fdopen(out, "wb") as file:
+    file.write(result["data"])
+"""
+
+
+@dataclass(frozen=True)
+class Foreign:
+    """A frame in another format: which, and what its header says."""
+
+    kind: str
+    header: PlyHeader
+
+
+def is_compressed_ply(header: Header) -> bool:
+    """Whether a PLY holds packed integers in place of Gaussians."""
+    return any(p.name == "packed_position" for p in header.vertex.properties)
+
+
+def peek_compressed(file: BinaryIO, header: Header, path: Path, policy: InputPolicy) -> Foreign:
+    """A compressed PLY that is open at the start of its body."""
+    body, needed = file_size(file) - header.body_start, least_bytes(header)
+    if body < needed:
+        raise ends_early(path, header.vertex.count, needed - body)
+    counts = {e.name: e.count for e in header.elements}
+    if counts.get("chunk", 0) != -(-header.vertex.count // _CHUNK):
+        raise InputError(
+            f"{path}: {_WHAT[COMPRESSED]} of {header.vertex.count} Gaussians in {counts.get('chunk', 0)} "
+            f"chunks, expected one for {_CHUNK} each; export it as an uncompressed PLY"
+        )
+    extra = tuple(
+        f"element {n}" for n, count in counts.items() if count and n not in ("chunk", "vertex", "sh")
+    )
+    if extra and not policy.drop_extra:
+        raise InputError(
+            f"{path}: {', '.join(extra)}: not kept by the codec; --drop-extra encodes without them"
+        )
+    rest = next((len(e.properties) for e in header.elements if e.name == "sh"), 0)
+    if rest % 3 or rest // 3 not in SH_REST_COEFFICIENTS:
+        raise InputError(f"{path}: {_WHAT[COMPRESSED]} with {rest} SH coefficients, expected 0, 9, 24 or 45")
+    degree = SH_REST_COEFFICIENTS.index(rest // 3)
+    remarks = tuple(f"left out: {name}" for name in extra)
+    found = PlyHeader(
+        header.vertex.count, degree, header.comments, extra, remarks=(*remarks, "read from a compressed PLY")
+    )
+    return _readable(Foreign(COMPRESSED, found), path)
+
+
+def peek_splat(file: BinaryIO, path: Path) -> Foreign:
+    """A `.splat` file: nothing but rows of 32 bytes."""
+    count, rest = divmod(file_size(file), _SPLAT_BYTES)
+    if rest:
+        raise InputError(f"{path}: {_WHAT[SPLAT]} ends within a Gaussian; copy or export the frame again")
+    return _readable(Foreign(SPLAT, PlyHeader(count, 0, remarks=("read from a .splat file",))), path)
+
+
+def peek_spz(file: BinaryIO, path: Path) -> Foreign:
+    """An SPZ file, version 1 to 4."""
+    size = file_size(file)
+    head = file.read(512)
+    if head.startswith(b"\x1f\x8b"):
+        head = _unzipped(head, _SPZ_HEAD.size)
+    if len(head) < _SPZ_HEAD.size or not head.startswith(b"NGSP"):
+        raise InputError(f"{path}: not an SPZ file, though it is called one; export the frame again")
+    _, version, count, degree, _, flags, _ = _SPZ_HEAD.unpack_from(head)
+    if version not in (*_SPZ_GZIP_VERSIONS, 4) or degree > 3:
+        raise InputError(
+            f"{path}: SPZ version {version} with SH degree {degree}; "
+            "versions 1 to 4 and degrees 0 to 3 are read"
+        )
+    if count > _MOST_PER_BYTE * size:
+        raise InputError(
+            f"{path}: truncated or damaged: {count} Gaussians in {size} bytes; copy or export the frame again"
+        )
+    comments = (b"SplatRenderMode: mip",) if flags & _SPZ_ANTIALIASED else ()
+    remark = "read from an SPZ file, turned about x (SPZ has y up, PLYs have y down)"
+    return _readable(Foreign(SPZ, PlyHeader(count, degree, comments, remarks=(remark,))), path)
+
+
+def _unzipped(data: bytes, most: int) -> bytes:
+    try:
+        return zlib.decompressobj(_GZIP).decompress(data, most)
+    except zlib.error:
+        return b""
+
+
+def _readable(foreign: Foreign, path: Path) -> Foreign:
+    if not reader_installed():
+        suffix = ".compressed.ply" if foreign.kind == COMPRESSED else f".{foreign.kind}"
+        raise InputError(f"{path}: {_WHAT[foreign.kind]}, no plain PLY; {advice(path, suffix)}")
+    return foreign
+
+
+def load_foreign(
+    file: BinaryIO, foreign: Foreign, path: Path, policy: InputPolicy
+) -> tuple[GaussianCloud, list[str]]:
+    """The frame, and notes about what was repaired; see `read_ply`."""
+    file.seek(0)
+    columns, names = _columns(_converted(file.read(), foreign, path), foreign, path)
+    if foreign.kind == SPZ:
+        _turn(columns)
+    # alpha in 8 bits is 0 or 1 where its logit is infinite
+    np.clip(columns["opacities"], INVISIBLE_LOGIT, OPAQUE_LOGIT, out=columns["opacities"])
+    notes: list[str] = []
+    cloud = finished(columns, names, path, policy, notes)
+    return cloud, notes
+
+
+def _converted(data: bytes, foreign: Foreign, path: Path) -> bytes:
+    """A plain PLY, from the reader."""
+    if not foreign.header.num_gaussians:
+        return b""
+    command = [sys.executable, "-P", "-c", _CHILD, foreign.kind]
+    done = subprocess.run(command, input=data, capture_output=True, check=False)
+    if done.returncode or not done.stdout:
+        said = done.stderr.strip().splitlines()[-1:] or [b"the reader failed"]
+        raise InputError(
+            f"{path}: {_WHAT[foreign.kind]}, damaged or truncated ({readable(said[0])}); "
+            "copy or export the frame again"
+        )
+    return done.stdout
+
+
+def _columns(ply: bytes, foreign: Foreign, path: Path) -> tuple[Columns, dict[str, tuple[str, ...]]]:
+    """The arrays in the PLY that the reader made; InputError if they are not what the header announced."""
+    expected = foreign.header
+    names = standard_columns(expected.sh_degree)
+    if not expected.num_gaussians:
+        return {key: np.empty((0, len(wanted)), np.float32) for key, wanted in names.items()}, names
+    stream = io.BytesIO(ply)
+    header = read_header(stream, path)
+    layout = frame_layout(header, InputPolicy(drop_extra=True), path)
+    if header.vertex.count != expected.num_gaussians or layout.sh_degree != expected.sh_degree:
+        raise InputError(
+            f"{path}: {_WHAT[foreign.kind]} of {expected.num_gaussians} Gaussians and "
+            f"SH degree {expected.sh_degree}, of which the reader finds {header.vertex.count} and "
+            f"{layout.sh_degree}; export it as PLY"
+        )
+    columns, _ = read_columns(stream, header, layout, path, trailing=True)
+    columns.pop("normals", None)
+    return columns, names
+
+
+def _turn(columns: Columns) -> None:
+    """From the axes of SPZ to those of PLYs, in place."""
+    columns["positions"][:, 1:] *= -1
+    columns["rotations"][:, 2:] *= -1
+    num_rest = columns["sh_rest"].shape[1] // 3
+    columns["sh_rest"] *= np.tile(np.array(_SH_SIGNS[:num_rest], np.float32), 3)
