@@ -15,7 +15,7 @@ from dfcgs_codec.frames.order import BY_NUMBER, order_of
 from dfcgs_codec.frames.trees import Chosen
 from dfcgs_codec.frames.typed import typed_frames
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
-from dfcgs_codec.ply import InputPolicy, PlyHeader, peek_header, read_ply
+from dfcgs_codec.ply import InputPolicy, PlyHeader, peek_header, read_ply, said_once
 
 __all__ = ["DEFAULT_PATTERN", "FolderSource", "FrameSource", "MemorySource", "open_folder", "open_frames"]
 
@@ -182,4 +182,5 @@ def _opened(
     paths = [folder / found.names[index] for index in order.index]
     headers = [peek_header(path, policy) for path in paths]
     notes = [*found.notes, *order.notes, *padding_notes([path.name for path in paths], headers)]
+    notes += said_once([found.names[index] for index in order.index], headers)
     return FolderSource(paths, order.numbers, headers, policy or InputPolicy(), notes)

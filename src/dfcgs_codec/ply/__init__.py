@@ -14,7 +14,7 @@ the user of what they say.
 from dfcgs_codec.ply.comments import display_comments
 from dfcgs_codec.ply.formats import FRAME_SUFFIXES, describe_foreign
 from dfcgs_codec.ply.frames import peek_header, read_ply
-from dfcgs_codec.ply.policy import InputPolicy, PlyHeader, said_once
+from dfcgs_codec.ply.policy import InputPolicy, PlyHeader, gathered, said_once
 from dfcgs_codec.ply.schema import property_names
 from dfcgs_codec.ply.write import write_ply
 
@@ -24,6 +24,7 @@ __all__ = [
     "PlyHeader",
     "describe_foreign",
     "display_comments",
+    "gathered",
     "peek_header",
     "property_names",
     "read_ply",

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import itertools
 import re
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -225,8 +226,9 @@ def _is_number(word: bytes) -> bool:
 def _read_lists(file: BinaryIO, header: Header, layout: Layout, columns: Columns, path: Path) -> None:
     body = file.read() if header.byte_order else _text(file)
     try:
-        data = PlyData.read(io.BytesIO(_clean_header(header) + body))
-        table = data["vertex"].data
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            table = PlyData.read(io.BytesIO(_clean_header(header) + body))["vertex"].data
     except Exception as error:  # whatever a stranger's bytes raise in a library is a refusal of the file
         reason = readable(str(error).encode()) or type(error).__name__
         raise InputError(

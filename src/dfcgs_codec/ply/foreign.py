@@ -19,19 +19,20 @@ from typing import BinaryIO
 import numpy as np
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
-from dfcgs_codec.ply.body import Columns, ends_early, least_bytes, read_columns
+from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.ply import compressed
+from dfcgs_codec.ply.body import Columns, read_columns
 from dfcgs_codec.ply.formats import READER, advice, reader_installed
 from dfcgs_codec.ply.header import Header, read_header, readable
-from dfcgs_codec.ply.policy import InputPolicy, PlyHeader
+from dfcgs_codec.ply.policy import InputPolicy, PlyHeader, shortened
 from dfcgs_codec.ply.read import file_size, finished
 from dfcgs_codec.ply.repair import INVISIBLE_LOGIT, OPAQUE_LOGIT
 from dfcgs_codec.ply.schema import frame_layout, standard_columns
 
 COMPRESSED, SPLAT, SPZ = "compressed.ply", "splat", "spz"
 _WHAT = {COMPRESSED: "a compressed PLY (packed_position)", SPLAT: "a .splat file", SPZ: "an SPZ file"}
+_PLAIN = {COMPRESSED: "an uncompressed PLY", SPLAT: "PLY", SPZ: "PLY"}
 _SPLAT_BYTES = 32
-_CHUNK = 256
 #: magic, version, Gaussians, SH degree, bits of fractions, flags, reserved
 _SPZ_HEAD = struct.Struct("<4sIIBBBB")
 _SPZ_ANTIALIASED = 1
@@ -63,37 +64,17 @@ class Foreign:
     header: PlyHeader
 
 
-def is_compressed_ply(header: Header) -> bool:
-    """Whether a PLY holds packed integers in place of Gaussians."""
-    return any(p.name == "packed_position" for p in header.vertex.properties)
-
-
 def peek_compressed(file: BinaryIO, header: Header, path: Path, policy: InputPolicy) -> Foreign:
     """A compressed PLY that is open at the start of its body."""
-    body, needed = file_size(file) - header.body_start, least_bytes(header)
-    if body < needed:
-        raise ends_early(path, header.vertex.count, needed - body)
-    counts = {e.name: e.count for e in header.elements}
-    if counts.get("chunk", 0) != -(-header.vertex.count // _CHUNK):
-        raise InputError(
-            f"{path}: {_WHAT[COMPRESSED]} of {header.vertex.count} Gaussians in {counts.get('chunk', 0)} "
-            f"chunks, expected one for {_CHUNK} each; export it as an uncompressed PLY"
-        )
-    extra = tuple(
-        f"element {n}" for n, count in counts.items() if count and n not in ("chunk", "vertex", "sh")
-    )
+    degree = compressed.sh_degree(header, file_size(file), path)
+    extra = compressed.other_elements(header)
     if extra and not policy.drop_extra:
         raise InputError(
-            f"{path}: {', '.join(extra)}: not kept by the codec; --drop-extra encodes without them"
+            f"{path}: elements that the codec does not keep: {shortened(extra)}; "
+            "--drop-extra encodes without them"
         )
-    rest = next((len(e.properties) for e in header.elements if e.name == "sh"), 0)
-    if rest % 3 or rest // 3 not in SH_REST_COEFFICIENTS:
-        raise InputError(f"{path}: {_WHAT[COMPRESSED]} with {rest} SH coefficients, expected 0, 9, 24 or 45")
-    degree = SH_REST_COEFFICIENTS.index(rest // 3)
-    remarks = tuple(f"left out: {name}" for name in extra)
-    found = PlyHeader(
-        header.vertex.count, degree, header.comments, extra, remarks=(*remarks, "read from a compressed PLY")
-    )
+    remarks = (f"left out: {shortened(extra)}",) * bool(extra) + ("read from a compressed PLY",)
+    found = PlyHeader(header.vertex.count, degree, header.comments, tuple(extra), remarks=remarks)
     return _readable(Foreign(COMPRESSED, found), path)
 
 
@@ -146,15 +127,27 @@ def load_foreign(
     file: BinaryIO, foreign: Foreign, path: Path, policy: InputPolicy
 ) -> tuple[GaussianCloud, list[str]]:
     """The frame, and notes about what was repaired; see `read_ply`."""
-    file.seek(0)
-    columns, names = _columns(_converted(file.read(), foreign, path), foreign, path)
+    data = compressed.canonical(file, path) if foreign.kind == COMPRESSED else _whole(file)
+    columns, names = _columns(_converted(data, foreign, path), foreign, path)
     if foreign.kind == SPZ:
         _turn(columns)
     # alpha in 8 bits is 0 or 1 where its logit is infinite
     np.clip(columns["opacities"], INVISIBLE_LOGIT, OPAQUE_LOGIT, out=columns["opacities"])
     notes: list[str] = []
-    cloud = finished(columns, names, path, policy, notes)
-    return cloud, notes
+    try:
+        return finished(columns, names, path, policy, notes), notes
+    except InputError as error:
+        said = (
+            str(error)
+            .removeprefix(f"{path}: ")
+            .replace("; --", f"; export it as {_PLAIN[foreign.kind]}, or: --")
+        )
+        raise InputError(f"{path}: {_WHAT[foreign.kind]}: {said}") from None
+
+
+def _whole(file: BinaryIO) -> bytes:
+    file.seek(0)
+    return file.read()
 
 
 def _converted(data: bytes, foreign: Foreign, path: Path) -> bytes:
@@ -167,7 +160,7 @@ def _converted(data: bytes, foreign: Foreign, path: Path) -> bytes:
         said = done.stderr.strip().splitlines()[-1:] or [b"the reader failed"]
         raise InputError(
             f"{path}: {_WHAT[foreign.kind]}, damaged or truncated ({readable(said[0])}); "
-            "copy or export the frame again"
+            f"copy it again, or export it as {_PLAIN[foreign.kind]}"
         )
     return done.stdout
 

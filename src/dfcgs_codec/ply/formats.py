@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
@@ -58,10 +59,10 @@ _MAGICS = (
 
 def converter(path: Path, suffix: str) -> str:
     """The command that makes a PLY of the file; `suffix` is the end of its name."""
-    source = path.name
-    target = source[: -len(suffix)] if source.lower().endswith(suffix) else path.stem
-    target = f"{target}_plain.ply" if f"{target}.ply" == source else f"{target}.ply"
-    return f"npx @playcanvas/splat-transform {source} {target}"
+    stem = path.name[: -len(suffix)] if path.name.lower().endswith(suffix) else path.stem
+    # a folder of its own: among the frames it would be one frame more
+    target = shlex.quote(f"plain/{stem}.ply")
+    return f"mkdir -p plain && npx @playcanvas/splat-transform {shlex.quote(str(path))} {target}"
 
 
 def reader_installed() -> bool:
@@ -71,7 +72,7 @@ def reader_installed() -> bool:
 
 def advice(path: Path, suffix: str) -> str:
     """What to do with a file of a known other format."""
-    command = f"'{converter(path, suffix)}' makes a PLY of it"
+    command = f"'{converter(path, suffix)}' makes a plain PLY of it"
     if suffix in (*FOREIGN_SUFFIXES, ".compressed.ply") and not reader_installed():
         return f"pip install 'dfcgs-codec[formats]' lets it be read, or {command}"
     return command

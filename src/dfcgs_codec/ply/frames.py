@@ -7,9 +7,9 @@ from typing import BinaryIO
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.ply.compressed import is_compressed_ply
 from dfcgs_codec.ply.foreign import (
     Foreign,
-    is_compressed_ply,
     load_foreign,
     peek_compressed,
     peek_splat,

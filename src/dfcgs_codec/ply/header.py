@@ -91,6 +91,8 @@ class Header:
 def readable(data: bytes) -> str:
     """Bytes of a file for a message: at most 60 characters, none of them a control character."""
     text = data[:61].decode("utf-8", "backslashreplace")
+    if len(text) <= 60 and text.isprintable():
+        return text
     text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
     return text if len(text) <= 60 else text[:57] + "..."
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 
 @dataclass(frozen=True)
@@ -48,13 +47,19 @@ def shortened(names: Sequence[str]) -> str:
     return f"{', '.join(names[:3])}, ..., {names[-1]} ({len(names)} in all)"
 
 
-def said_once(paths: Iterable[Path], headers: Iterable[PlyHeader]) -> list[str]:
+def said_once(names: Iterable[str], headers: Iterable[PlyHeader]) -> list[str]:
     """The remarks of all frames, each with the first file that it is about and the number of others."""
-    files: dict[str, list[Path]] = {}
-    for path, header in zip(paths, headers, strict=True):
-        for remark in header.remarks:
-            files.setdefault(remark, []).append(path)
+    pairs = zip(names, headers, strict=True)
+    return gathered(f"{name}: {remark}" for name, header in pairs for remark in header.remarks)
+
+
+def gathered(notes: Iterable[str]) -> list[str]:
+    """Notes that begin with a file's name and ': ', those that say the same of several files as one."""
+    files: dict[str, list[str]] = {}
+    for note in notes:
+        name, colon, text = note.partition(": ")
+        files.setdefault(text if colon else note, []).append(name if colon else "")
     return [
-        f"{found[0].name}{f' and {len(found) - 1} more' if len(found) > 1 else ''}: {remark}"
-        for remark, found in files.items()
+        f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {text}" if names[0] else text
+        for text, names in files.items()
     ]
