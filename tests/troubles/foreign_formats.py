@@ -105,29 +105,37 @@ def _packed(values: npt.NDArray[np.float64], bits: tuple[int, ...]) -> npt.NDArr
 
 def _within_chunks(values: npt.NDArray[np.float64]) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
     """Values scaled to 0..1 within each chunk of 256, and each chunk's least and most."""
+    if not len(values):
+        return values, values, values
     starts = np.arange(0, len(values), _CHUNK)
     low, high = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
     chunk = np.arange(len(values)) // _CHUNK
     return (values - low[chunk]) / np.maximum(high - low, 1e-30)[chunk], low, high
 
 
-def compressed_ply(columns: Columns) -> bytes:
-    """PlayCanvas' compressed PLY: chunks of 256 with their bounds, four words each, SH in 8 bits."""
+def compressed_ply(columns: Columns, *, colour_bounds: bool = True) -> bytes:
+    """PlayCanvas' compressed PLY: chunks of 256 with their bounds, four words each, SH in 8 bits.
+
+    Without `colour_bounds` as until 2024: colours are from 0 to 1.
+    """
     n = len(columns["x"])
     positions, *position_bounds = _within_chunks(_stack(columns, "x", "y", "z"))
     scales, *scale_bounds = _within_chunks(_stack(columns, "scale_0", "scale_1", "scale_2"))
-    colours, *colour_bounds = _within_chunks(_colours(columns))
+    colours, *bounds_of_colours = _within_chunks(_colours(columns))
+    if not colour_bounds:
+        colours, bounds_of_colours = _colours(columns), []
     q = _quaternions(columns)
     largest = np.abs(q).argmax(axis=1)
     q = q * np.sign(np.take_along_axis(q, largest[:, None], axis=1))
-    others = np.stack([np.delete(row, index) for row, index in zip(q, largest, strict=True)])
+    others = q[np.arange(4) != largest[:, None]].reshape(-1, 3)
     rotation = _packed(others * np.sqrt(0.5) + 0.5, (10, 10, 10)) | largest.astype(np.uint32) << np.uint32(30)
     colour = _packed(np.concatenate([colours, _alphas(columns)[:, None]], axis=1), (8, 8, 8, 8))
     words = [_packed(positions, (11, 10, 11)), rotation, _packed(scales, (11, 10, 11)), colour]
-    sh = _sh(columns).transpose(0, 2, 1).reshape(n, -1)
-    bounds = np.concatenate([*position_bounds, *scale_bounds, *colour_bounds], axis=1)
+    sh = _sh(columns)
+    sh = sh.transpose(0, 2, 1).reshape(n, 3 * sh.shape[1])
+    bounds = np.concatenate([*position_bounds, *scale_bounds, *bounds_of_colours], axis=1)
     header = ["ply", "format binary_little_endian 1.0", f"element chunk {len(bounds)}"]
-    for kind, axes in (("", "xyz"), ("scale_", "xyz"), ("", "rgb")):
+    for kind, axes in (("", "xyz"), ("scale_", "xyz"), ("", "rgb"))[: 3 if colour_bounds else 2]:
         header += [f"property float {end}_{kind}{axis}" for end in ("min", "max") for axis in axes]
     header += [f"element vertex {n}"]
     header += [f"property uint packed_{name}" for name in ("position", "rotation", "scale", "color")]

@@ -19,7 +19,7 @@ from typing import BinaryIO
 import numpy as np
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.ply import compressed
 from dfcgs_codec.ply.body import Columns, read_columns
 from dfcgs_codec.ply.formats import READER, advice, reader_installed
@@ -36,7 +36,10 @@ _SPLAT_BYTES = 32
 #: magic, version, Gaussians, SH degree, bits of fractions, flags, reserved
 _SPZ_HEAD = struct.Struct("<4sIIBBBB")
 _SPZ_ANTIALIASED = 1
-_SPZ_GZIP_VERSIONS = (1, 2, 3)
+_SPZ_EXTENDED = 2
+#: bytes to a Gaussian without higher SH coefficients, of the versions that are a gzip of columns
+_SPZ_ROW_BYTES = {2: 19, 3: 20}
+_MOST_EXTENSION_BYTES = 1 << 16
 _GZIP = 31
 #: no compressor of real Gaussians comes near this many in a byte
 _MOST_PER_BYTE = 1024
@@ -87,7 +90,7 @@ def peek_splat(file: BinaryIO, path: Path) -> Foreign:
 
 
 def peek_spz(file: BinaryIO, path: Path) -> Foreign:
-    """An SPZ file, version 1 to 4."""
+    """An SPZ file, version 2 to 4."""
     size = file_size(file)
     head = file.read(512)
     if head.startswith(b"\x1f\x8b"):
@@ -95,10 +98,10 @@ def peek_spz(file: BinaryIO, path: Path) -> Foreign:
     if len(head) < _SPZ_HEAD.size or not head.startswith(b"NGSP"):
         raise InputError(f"{path}: not an SPZ file, though it is called one; export the frame again")
     _, version, count, degree, _, flags, _ = _SPZ_HEAD.unpack_from(head)
-    if version not in (*_SPZ_GZIP_VERSIONS, 4) or degree > 3:
+    if version not in (*_SPZ_ROW_BYTES, 4) or degree > 3:
         raise InputError(
             f"{path}: SPZ version {version} with SH degree {degree}; "
-            "versions 1 to 4 and degrees 0 to 3 are read"
+            "versions 2 to 4 and degrees 0 to 3 are read"
         )
     if count > _MOST_PER_BYTE * size:
         raise InputError(
@@ -127,7 +130,7 @@ def load_foreign(
     file: BinaryIO, foreign: Foreign, path: Path, policy: InputPolicy
 ) -> tuple[GaussianCloud, list[str]]:
     """The frame, and notes about what was repaired; see `read_ply`."""
-    data = compressed.canonical(file, path) if foreign.kind == COMPRESSED else _whole(file)
+    data = compressed.canonical(file, path) if foreign.kind == COMPRESSED else _whole(file, path)
     columns, names = _columns(_converted(data, foreign, path), foreign, path)
     if foreign.kind == SPZ:
         _turn(columns)
@@ -145,9 +148,22 @@ def load_foreign(
         raise InputError(f"{path}: {_WHAT[foreign.kind]}: {said}") from None
 
 
-def _whole(file: BinaryIO) -> bytes:
+def _whole(file: BinaryIO, path: Path) -> bytes:
+    """The bytes of a .splat or SPZ file; InputError if it unpacks to more or less than its header says."""
     file.seek(0)
-    return file.read()
+    data = file.read()
+    if not data.startswith(b"\x1f\x8b"):
+        return data
+    _, version, count, degree, _, flags, _ = _SPZ_HEAD.unpack(_unzipped(data, _SPZ_HEAD.size))
+    needed = _SPZ_HEAD.size + count * (_SPZ_ROW_BYTES[version] + 3 * SH_REST_COEFFICIENTS[degree])
+    allowed = needed + (_MOST_EXTENSION_BYTES if flags & _SPZ_EXTENDED else 0)
+    found = len(_unzipped(data, allowed + 1))
+    if not needed <= found <= allowed:
+        raise InputError(
+            f"{path}: {_WHAT[SPZ]}, damaged or truncated (unpacks to {'more than ' * (found > allowed)}"
+            f"{min(found, allowed)} bytes, expected {needed}); copy it again, or export it as PLY"
+        )
+    return data
 
 
 def _converted(data: bytes, foreign: Foreign, path: Path) -> bytes:

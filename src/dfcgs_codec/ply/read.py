@@ -93,7 +93,7 @@ def _check_normals(
 ) -> None:
     if "normals" not in layout.columns:
         return
-    used = [bool(column.any()) for column in columns.pop("normals").T]
+    used = [bool((column != 0).any()) for column in columns.pop("normals").T]
     if not any(used):
         return
     names = ", ".join(name for name, found in zip(NORMALS, used, strict=True) if found)

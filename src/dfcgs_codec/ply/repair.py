@@ -17,9 +17,9 @@ import numpy.typing as npt
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.ply.schema import FLAT_LOG_SCALE
 
-#: alpha 1 and 0 to within 3e-7, far below what 8 bits of colour tell apart
+#: alpha 1 to within 3e-7, and 0 even after a quantiser step of many logits
 OPAQUE_LOGIT = 15.0
-INVISIBLE_LOGIT = -15.0
+INVISIBLE_LOGIT = -30.0
 
 #: attribute -> (N, number of properties)
 Groups = dict[str, npt.NDArray[Any]]
@@ -28,6 +28,8 @@ Names = dict[str, tuple[str, ...]]
 _Mask = npt.NDArray[np.bool_]
 _ORDER = ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest")
 _NO_ROTATION = (1.0, 0.0, 0.0, 0.0)
+#: what -inf and inf mean
+_MEANINGS = {"scales": (FLAT_LOG_SCALE, 0.0), "opacities": (INVISIBLE_LOGIT, OPAQUE_LOGIT)}
 _LARGEST = float(np.finfo(np.float32).max)
 
 
@@ -111,26 +113,35 @@ def _quaternions(zero: _Mask, empty: _Mask) -> list[_Finding]:
 
 
 def _mend(groups: Groups, bad: dict[str, _Mask], lost: _Mask, zero: _Mask) -> None:
-    empty = lost & zero
-    for key, mask in bad.items():
-        groups[key][mask] = np.clip(groups[key][mask], *_limits(key))
-        groups[key][np.isnan(groups[key])] = 0
-    unturned = zero | (bad["rotations"].any(axis=1) if "rotations" in bad else False)
+    twins = _twins(lost)
+    never_written = lost & zero
+    for key in _ORDER:
+        replaced = never_written
+        if key in bad:
+            _clip(groups[key], key)
+            if key in ("positions", "scales"):
+                replaced = never_written | (lost & bad[key].any(axis=1))
+        groups[key][replaced] = groups[key][twins[replaced]]
+    unturned = (groups["rotations"] == 0).all(axis=1)
+    if "rotations" in bad:
+        unturned |= bad["rotations"].any(axis=1)
     groups["rotations"][unturned] = _NO_ROTATION
     groups["opacities"][lost] = INVISIBLE_LOGIT
-    _place(groups["scales"], lost, lost, FLAT_LOG_SCALE)
-    misplaced = empty | (bad["positions"].any(axis=1) if "positions" in bad else False)
-    _place(groups["positions"], misplaced, lost, 0.0)
+    if lost.all():
+        groups["scales"][:] = FLAT_LOG_SCALE
 
 
-def _limits(key: str) -> tuple[float, float]:
-    """What takes the place of -inf and +inf."""
-    if key == "opacities":
-        return INVISIBLE_LOGIT, OPAQUE_LOGIT
-    return (FLAT_LOG_SCALE, 0.0) if key == "scales" else (0.0, 0.0)
+def _twins(lost: _Mask) -> npt.NDArray[np.int64]:
+    """For each lost Gaussian another that is not, in the order of the file; without any, itself."""
+    twins, seen, count = np.arange(len(lost)), np.flatnonzero(~lost), int(lost.sum())
+    if len(seen) and count:
+        twins[lost] = seen[np.arange(count) * len(seen) // count]
+    return twins
 
 
-def _place(values: npt.NDArray[Any], rows: _Mask, lost: _Mask, otherwise: float) -> None:
-    """Give `rows` what the Gaussians that are not lost have in the median."""
-    if rows.any():
-        values[rows] = np.median(values[~lost], axis=0) if not lost.all() else otherwise
+def _clip(values: npt.NDArray[Any], key: str) -> None:
+    """Infinities that mean something become what they mean, other values that are not finite zero."""
+    low, high = _MEANINGS.get(key, (0.0, 0.0))
+    values[values < -_LARGEST] = low
+    values[values > _LARGEST] = high
+    values[np.isnan(values)] = 0
