@@ -320,7 +320,7 @@ def test_bytes_after_the_last_row_are_left_out_if_allowed(plain: Path) -> None:
     plain.write_bytes(plain.read_bytes() + b"12345")
     header = peek_header(plain, DROP)
     assert header.dropped == ("bytes after the last row",)
-    assert said_once([plain], [header]) == ["frame_0000.ply: left out: 5 bytes after the last row"]
+    assert said_once([plain.name], [header]) == ["frame_0000.ply: left out: 5 bytes after the last row"]
     assert read_ply(plain, DROP)[0].num_gaussians == 20
 
 
