@@ -181,22 +181,21 @@ def test_without_a_reader_the_line_says_what_helps(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("dfcgs_codec.ply.formats.find_spec", lambda _: None)
-    monkeypatch.setattr("dfcgs_codec.ply.foreign.reader_installed", lambda: False)
     path = made(tmp_path, name, ball(5))
     with pytest.raises(InputError) as caught:
         peek_header(path)
     message = str(caught.value)
     assert "pip install 'dfcgs-codec[formats]'" in message
-    assert re.search(r"'mkdir -p plain && npx @playcanvas/splat-transform \S+ plain/frame_0000.ply'", message)
+    command = r"npx @playcanvas/splat-transform \S+ \S*frame_0000.ply' makes a plain PLY of it"
+    assert re.search(f"'mkdir -p plain && {command}" if "compressed" in name else f"'{command}", message)
 
 
 FOREIGN = {
     "a.ksplat": "splat-transform",
     "A.SOG": "splat-transform",
-    "a b.spz": r"splat-transform '.*a b.spz' 'plain/a b.ply'",
+    "a b.spz": r"splat-transform '.*a b.spz' '.*a b.ply'",
     "a.npz": "numpy arrays",
     "a.pth": "PyTorch checkpoint",
-    "a.zip": "unpack it",
     "a.dgs": "dfcgs decode",
 }
 
@@ -229,6 +228,34 @@ def test_compressed_plys_are_encoded(tmp_path: Path) -> None:
     assert run("decode", tmp_path / "a.dgs", tmp_path / "out").code == 0
     found, _ = read_ply(tmp_path / "out" / "frame_0001.ply")
     assert found.num_gaussians == 200
+
+
+@pytest.mark.parametrize("name", ["splat", "SPZ 3"])
+def test_folders_and_named_files_without_plys(tmp_path: Path, name: str) -> None:
+    suffix, writer = WRITERS[name]
+    for t in range(2):
+        path = tmp_path / "in" / f"frame_{t:04d}{suffix}"
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(writer(ball(100)))
+    (tmp_path / "in" / "other.ksplat").write_bytes(b"anything")
+    done = encode(tmp_path / "in", tmp_path / "a.dgs")
+    assert done.code == 0, done.err
+    assert f"no PLY in the folder: 2 {suffix} files taken as frames" in done.err
+    assert "1 file left out, as it is no PLY: other.ksplat" in done.err
+    named = sorted((tmp_path / "in").glob(f"*{suffix}"))
+    assert run("encode", *named, tmp_path / "b.dgs", "--jobs", "1").code == 0
+    assert (tmp_path / "a.dgs").read_bytes() == (tmp_path / "b.dgs").read_bytes()
+
+
+def test_folders_of_what_is_not_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "a.ksplat").write_bytes(b"anything")
+    assert "a .ksplat file; 'npx @playcanvas" in encode(tmp_path / "in", tmp_path / "a.dgs").err
+    monkeypatch.setattr("dfcgs_codec.ply.formats.find_spec", lambda _: None)
+    (tmp_path / "in" / "a.ksplat").rename(tmp_path / "in" / "a.spz")
+    outcome = encode(tmp_path / "in", tmp_path / "a.dgs")
+    assert outcome.code == 1
+    assert "pip install 'dfcgs-codec[formats]'" in outcome.err
 
 
 def test_a_reader_that_dies_is_a_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,12 +16,13 @@ FRAME_SUFFIXES = (".ply", *FOREIGN_SUFFIXES)
 
 _SNIFFED = 512
 _TRAINER = "export it as PLY with the program that wrote it, such as 'ns-export gaussian-splat' of nerfstudio"
+_COMPRESSED = ".compressed.ply"
 _BY_SUFFIX = {
-    ".compressed.ply": "a compressed PLY (chunks and packed_position)",
+    _COMPRESSED: "a compressed PLY (chunks and packed_position)",
     ".splat": "a .splat file (32 bytes to a Gaussian)",
-    ".spz": "an SPZ file",
+    ".spz": "an SPZ file of Niantic",
     ".ksplat": "a .ksplat file",
-    ".sog": "an SOG file (images in a zip)",
+    ".sog": "an SOG file of PlayCanvas (images in a zip)",
     ".lcc": "an LCC file",
 }
 _WITHOUT_CONVERTER = {
@@ -30,7 +31,6 @@ _WITHOUT_CONVERTER = {
     ".pth": f"a PyTorch checkpoint, no PLY; {_TRAINER}",
     ".pt": f"a PyTorch checkpoint, no PLY; {_TRAINER}",
     ".ckpt": f"a PyTorch checkpoint, no PLY; {_TRAINER}",
-    ".zip": "a zip archive; unpack it and give the folder of frames",
     ".dgs": "a file of this codec, encoded already; 'dfcgs decode' makes PLYs of it",
 }
 
@@ -59,10 +59,14 @@ _MAGICS = (
 
 def converter(path: Path, suffix: str) -> str:
     """The command that makes a PLY of the file; `suffix` is the end of its name."""
-    stem = path.name[: -len(suffix)] if path.name.lower().endswith(suffix) else path.stem
-    # a folder of its own: among the frames it would be one frame more
-    target = shlex.quote(f"plain/{stem}.ply")
-    return f"mkdir -p plain && npx @playcanvas/splat-transform {shlex.quote(str(path))} {target}"
+    source = str(path)
+    stem = source[: -len(suffix)] if source.lower().endswith(suffix) else str(path.with_suffix(""))
+    target = f"{stem}.ply"
+    made = ""
+    if suffix == _COMPRESSED:
+        # a folder of its own: among the frames it would be one frame more
+        made, target = "mkdir -p plain && ", f"plain/{Path(target).name}"
+    return f"{made}npx @playcanvas/splat-transform {shlex.quote(source)} {shlex.quote(target)}"
 
 
 def reader_installed() -> bool:
@@ -73,7 +77,7 @@ def reader_installed() -> bool:
 def advice(path: Path, suffix: str) -> str:
     """What to do with a file of a known other format."""
     command = f"'{converter(path, suffix)}' makes a plain PLY of it"
-    if suffix in (*FOREIGN_SUFFIXES, ".compressed.ply") and not reader_installed():
+    if suffix in (*FOREIGN_SUFFIXES, _COMPRESSED) and not reader_installed():
         return f"pip install 'dfcgs-codec[formats]' lets it be read, or {command}"
     return command
 
