@@ -25,6 +25,7 @@ from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import check_file_target
 from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.ply import InputPolicy
 from dfcgs_codec.sequence import FrameSource, MemorySource, open_frames
 from dfcgs_codec.spelling import spelled
 
@@ -43,11 +44,11 @@ def _source(frames: Frames, keep_bits: bool) -> FrameSource:
         return _checked_source(frames)  # type: ignore[arg-type]
     # a set has no order, a dict of arrays is no sequence
     if isinstance(frames, (*_PATHS, Set, Mapping)) or not isinstance(frames, Iterable):
-        return open_frames([path_of("frames", frames, _FRAMES)])
+        return open_frames([path_of("frames", frames, _FRAMES)], policy=InputPolicy(keep_bits=keep_bits))
     listed = list(_listed(frames))
     paths = [frame for frame in listed if not isinstance(frame, GaussianCloud)]
     if paths and len(paths) == len(listed):
-        return open_frames(paths)
+        return open_frames(paths, policy=InputPolicy(keep_bits=keep_bits))
     if paths:
         raise InputError(f"frames: a GaussianCloud and a file ({paths[0]}), expected all of one kind")
     return MemorySource([frame for frame in listed if isinstance(frame, GaussianCloud)], keep_bits=keep_bits)

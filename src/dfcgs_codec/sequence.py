@@ -15,7 +15,7 @@ from dfcgs_codec.frames.order import BY_NUMBER, order_of
 from dfcgs_codec.frames.trees import Chosen
 from dfcgs_codec.frames.typed import typed_frames
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
-from dfcgs_codec.ply import InputPolicy, PlyHeader, peek_header, read_ply
+from dfcgs_codec.ply import InputPolicy, PlyHeader, peek_header, read_ply, said_once
 
 __all__ = ["DEFAULT_PATTERN", "FolderSource", "FrameSource", "MemorySource", "open_folder", "open_frames"]
 
@@ -180,13 +180,7 @@ def _opened(
     except InputError as error:
         raise InputError(f"{folder}: {error}") from None
     paths = [folder / found.names[index] for index in order.index]
-    headers = [_header(path) for path in paths]
+    headers = [peek_header(path, policy) for path in paths]
     notes = [*found.notes, *order.notes, *padding_notes([path.name for path in paths], headers)]
+    notes += said_once([found.names[index] for index in order.index], headers)
     return FolderSource(paths, order.numbers, headers, policy or InputPolicy(), notes)
-
-
-def _header(path: Path) -> PlyHeader:
-    try:
-        return peek_header(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None

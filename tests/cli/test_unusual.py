@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from dfcgs_codec.ply import peek_header
 from tests.cli.test_encode import fails
 from tests.helpers import (
     dfcgs,
@@ -172,9 +173,12 @@ def test_a_frame_that_is_no_ply(tmp_path: Path, content: bytes) -> None:
 
 @pytest.mark.parametrize("where", [0, 1])
 def test_a_frame_without_gaussians(tmp_path: Path, where: int) -> None:
-    write_frames(tmp_path, drifting(make_cloud(5), 2))
-    write_table(tmp_path / f"frame_{where:04d}.ply", ply_table(make_cloud(1))[:0])
-    fails(dfcgs("encode", tmp_path, tmp_path / "a.dgs"), 1, f"frame_{where:04d}.ply", "no Gaussians")
+    frames = write_frames(tmp_path / "in", drifting(make_cloud(5), 2))
+    write_table(frames / f"frame_{where:04d}.ply", ply_table(make_cloud(1))[:0])
+    assert dfcgs("encode", frames, tmp_path / "a.dgs").returncode == 0
+    assert dfcgs("decode", tmp_path / "a.dgs", tmp_path / "out").returncode == 0
+    counts = [peek_header(path).num_gaussians for path in sorted((tmp_path / "out").iterdir())]
+    assert counts == [0 if index == where else 5 for index in range(2)]
 
 
 def test_an_error_in_another_process_is_one_line(tmp_path: Path) -> None:

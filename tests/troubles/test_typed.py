@@ -81,7 +81,8 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("situation", REFUSED)
-def test_it_is_said_what_to_type(situation: str, home: Path) -> None:
+def test_it_is_said_what_to_type(situation: str, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dfcgs_codec.ply.formats.find_spec", lambda _: None)
     arguments, code, words = REFUSED[situation]
     before = _contents(home)
     done = run("encode", *arguments)

@@ -218,7 +218,8 @@ NOTHING = {
 
 
 @pytest.mark.parametrize("situation", NOTHING)
-def test_no_frames(situation: str, tmp_path: Path) -> None:
+def test_no_frames(situation: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dfcgs_codec.ply.formats.find_spec", lambda _: None)
     files, words = NOTHING[situation]
     put(tmp_path, *files)
     message = refusal(tmp_path)

@@ -52,7 +52,7 @@ def _write(frame: DecodedFrame, folder: Path, output_dir: Path) -> None:
     """Into `folder`, which becomes `output_dir`: that is the name to speak of."""
     name = FRAME_NAME.format(frame.number)
     with named(output_dir / name):
-        write_ply(folder / name, frame.cloud())
+        write_ply(folder / name, frame.cloud(), frame.comments)
     begin_sync(folder / name)
 
 

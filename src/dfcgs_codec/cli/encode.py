@@ -23,7 +23,7 @@ from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import InputError, VerificationError
 from dfcgs_codec.files import check_file_target
 from dfcgs_codec.frames.typed import check_arguments
-from dfcgs_codec.ply import InputPolicy
+from dfcgs_codec.ply import InputPolicy, gathered
 from dfcgs_codec.sequence import DEFAULT_PATTERN, open_frames
 
 #: for a file of one's own: whatever it needs
@@ -255,8 +255,15 @@ def _summary(report: EncodeReport, target: Path) -> str:
     "the names with {} in place of the number that counts, such as 'frame_{}' (* is any text).",
 )
 @click.option("--allow-gaps", is_flag=True, help="Accept missing frame numbers.")
-@click.option("--drop-extra", is_flag=True, help="Leave out PLY properties that the codec does not keep.")
-@click.option("--repair", is_flag=True, help="Replace NaN, infinities and zero quaternions.")
+@click.option(
+    "--drop-extra", is_flag=True, help="Leave out PLY properties and elements that the codec does not keep."
+)
+@click.option(
+    "--repair", is_flag=True, help="Put what viewers show in place of NaN, infinities and zero quaternions."
+)
+@click.option(
+    "--bake-filter", is_flag=True, help="Put the filter_3D of mip-splatting into scale and opacity."
+)
 @click.option("--jobs", type=int, default=None, show_default="all cores", help="Processes.")
 @click.option("--verify", is_flag=True, help="Decode the file in a fresh process and compare.")
 @click.option("--force", is_flag=True, help="Replace an existing file.")
@@ -267,7 +274,12 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
     if not frames:
         raise click.UsageError(f"two arguments are needed: dfcgs encode {output} out.dgs")
     check_arguments(frames, str(output))
-    policy = InputPolicy(drop_extra=values["drop_extra"], repair=values["repair"])
+    policy = InputPolicy(
+        drop_extra=values["drop_extra"],
+        repair=values["repair"],
+        bake_filter=values["bake_filter"],
+        keep_bits=values["intra"] == "ply",
+    )
     options = _options(values)
     check_file_target(output, force=values["force"])
     source = open_frames(
@@ -282,14 +294,15 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         click.echo(f"note: {note}", err=True)
     with progress_bar("encoding", values["quiet"]) as progress:
         report = encode_sequence(source, output, options, force=values["force"], progress=progress)
-    for note in report.notes[len(source.notes) :]:
+    notes = gathered(report.notes[len(source.notes) :])
+    for note in notes:
         click.echo(f"note: {note}", err=True)
     note_of_limits(output)
     if values["verify"]:
         _verify(output)
     if values["as_json"]:
         records = [vars(frame) for frame in report.frames]
-        result = {"num_bytes": report.num_bytes, "errors": _errors(report), "notes": report.notes}
+        result = {"num_bytes": report.num_bytes, "errors": _errors(report), "notes": [*source.notes, *notes]}
         click.echo(json.dumps(result | {"verified": values["verify"], "frames": records}))
     elif not values["quiet"]:
         click.echo(_summary(report, output) + ("\nverified" if values["verify"] else ""))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import BinaryIO
 
 from dfcgs_codec.bitstream.comments import PlyComments
@@ -14,7 +16,7 @@ from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.dpb import FrameState, output
 from dfcgs_codec.codec.gof_decoder import GofDecoder
 from dfcgs_codec.codec.limits import Budget, DecoderLimits
-from dfcgs_codec.errors import CorruptBitstream, ModelMismatch
+from dfcgs_codec.errors import BitstreamError, CorruptBitstream, ModelMismatch
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.latent_model import LatentModel
@@ -44,12 +46,16 @@ def _model_of(sequence: SequenceHeader) -> LatentModel | ContextModel | None:
 
 @dataclass(frozen=True)
 class DecodedFrame:
-    """One decoded frame: its place in the sequence, the number in its file name, its state."""
+    """One decoded frame: its place in the sequence, the number in its file name, its state.
+
+    `comments`: those of the input's PLY files that the sequence keeps, as they were.
+    """
 
     index: int
     number: int
     state: FrameState
     sequence: SequenceHeader
+    comments: tuple[bytes, ...] = ()
 
     def cloud(self) -> GaussianCloud:
         """The frame's float32 values, in output order."""
@@ -69,15 +75,17 @@ class SequenceDecoder:
         attributes = coded_attributes(self.sequence.sh_degree)
         self._budget = Budget(limits or DecoderLimits(), attributes, has_prior)
 
-    @property
+    @cached_property
     def comments(self) -> tuple[bytes, ...]:
         """Comments of the input's PLY files that the file keeps, without the word, as they were."""
         found: list[bytes] = []
-        for head in self.container.chunks():
-            if not head.is_ancillary:
-                break
-            if head.chunk_type == ChunkType.PLY_COMMENTS:
-                found += PlyComments.read(self.container.payload(head)).lines
+        # what is damaged here is told where frames are decoded
+        with suppress(BitstreamError):
+            for head in self.container.chunks():
+                if not head.is_ancillary:
+                    break
+                if head.chunk_type == ChunkType.PLY_COMMENTS:
+                    found += PlyComments.read(self.container.payload(head)).lines
         return tuple(found)
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
@@ -113,7 +121,7 @@ class SequenceDecoder:
                 decode = gof.intra if is_intra else gof.inter
                 state = decode(head, lambda: _next(chunks))
                 number = self._numbers[head.frame_index]
-                yield DecodedFrame(head.frame_index, number, state, self.sequence)
+                yield DecodedFrame(head.frame_index, number, state, self.sequence, self.comments)
             else:
                 self._side_chunk(head)
 

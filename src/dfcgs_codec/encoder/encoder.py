@@ -36,6 +36,7 @@ from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import replace_when_whole
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.registry import installed
+from dfcgs_codec.ply import display_comments
 from dfcgs_codec.sequence import FolderSource, FrameSource, notes_of, sequence_sh_degree
 
 #: called with (frames done, frames in all)
@@ -107,7 +108,8 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
         model_id="" if model is None else model.model_id,
         model_hash=b"" if model is None else model.digest[:MODEL_HASH_BYTES],
     )
-    plan = SequencePlan(header, quantisation, options, _anchors(counts), first_frame)
+    comments = display_comments(headers[0].comments)
+    plan = SequencePlan(header, quantisation, options, _anchors(counts), first_frame, comments=comments)
     return balanced_plan(plan, Grids(quantisation.units).split(first)[0])
 
 
@@ -144,6 +146,11 @@ def _write(
     file: BinaryIO, source: FrameSource, plan: SequencePlan, progress: Progress | None
 ) -> EncodeReport:
     report = EncodeReport(notes=[*notes_of(source), *plan.quantisation.notes])
+    others = {display_comments(header.comments) for header in source.headers} - {plan.comments}
+    if others:
+        report.notes.append(
+            "comments that change how viewers show a frame differ between frames: those of the first are kept"
+        )
     writer = ContainerWriter(file, plan.header)
     writer.chunk(ChunkType.ENCODER_INFO, 0, plan.options.describe().encode())
     if plan.comments:

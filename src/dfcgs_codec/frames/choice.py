@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.frames.foreign import first_described, like_frames
+from dfcgs_codec.frames.foreign import first_described, like_frames, readable
 from dfcgs_codec.frames.listing import Listing, entries, matches
 from dfcgs_codec.frames.refusals import some
 from dfcgs_codec.frames.trees import Chosen, find, is_point_cloud, latest, walk
@@ -65,6 +65,17 @@ def _by_default(folder: Path, listing: Listing) -> Chosen | None:
     return Chosen(found.names, [*found.notes, *notes])
 
 
+def _foreign(beside: list[str]) -> Chosen | None:
+    """Files in another format that can be read, where there is no PLY; of several formats the commoner."""
+    names = sorted(readable(beside))
+    if not names:
+        return None
+    endings = [Path(name).suffix.lower() for name in names]
+    ending = max(sorted(set(endings)), key=endings.count)
+    taken = [name for name, its in zip(names, endings, strict=True) if its == ending]
+    return Chosen(taken, [f"no PLY in the folder: {_files(taken, f'{ending} file')} taken as frames"])
+
+
 def frames_in(folder: Path, pattern: str) -> Chosen:
     """The frames of `folder`: files that match the glob `pattern`, or by default those that trainers leave.
 
@@ -77,7 +88,7 @@ def frames_in(folder: Path, pattern: str) -> Chosen:
     beside = [entry.name for entry in entries(folder)]
     found: Chosen | None
     if pattern == DEFAULT_PATTERN:
-        found = _by_default(folder, listing)
+        found = _by_default(folder, listing) or _foreign(beside)
     else:
         found = latest(listing.names)
         if len(found.names) < 2:
@@ -87,7 +98,8 @@ def frames_in(folder: Path, pattern: str) -> Chosen:
         raise _nothing(folder, pattern, listing, beside)
     notes = _left_out(listing.hidden, "hidden file", "as their names begin with '.'")
     if pattern == DEFAULT_PATTERN:
-        notes += _left_out(like_frames(beside), "file", "as it is no PLY")
+        others = [name for name in like_frames(beside) if name not in found.names]
+        notes += _left_out(others, "file", "as it is no PLY")
     return Chosen(found.names, [*found.notes, *notes])
 
 

@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable
+from pathlib import Path
 
-_CONVERT = "splat-transform {name} {stem}.ply (npm package @playcanvas/splat-transform) makes a PLY of it"
-_EXPORT = "let the trainer that wrote it save the Gaussians as PLY"
+from dfcgs_codec.ply.formats import FOREIGN_SUFFIXES, describe_foreign, reader_installed
+
 _UNPACK = "unpack it first and name the folder of its PLYs"
 
 #: ending -> what it is, what to do
 _KINDS = {
-    ".splat": ("splats in the format of antimatter15's viewer", _CONVERT),
-    ".ksplat": ("splats in the format of mkkellogg's viewer", _CONVERT),
-    ".spz": ("splats in Niantic's compressed format", _CONVERT),
-    ".sog": ("splats in PlayCanvas' compressed format", _CONVERT),
-    ".npz": ("numpy arrays", _EXPORT),
-    ".npy": ("a numpy array", _EXPORT),
-    ".pth": ("a training checkpoint", _EXPORT),
-    ".pt": ("a training checkpoint", _EXPORT),
-    ".ckpt": ("a training checkpoint", _EXPORT),
     ".zip": ("an archive", "unzip it first: unzip {name} -d frames, then dfcgs encode frames out.dgs"),
     ".tar": ("an archive", _UNPACK),
     ".tgz": ("an archive", _UNPACK),
@@ -40,11 +32,23 @@ def _ending(name: str) -> str:
 
 def describe(name: str) -> str | None:
     """What a file of this name (or path) is and which command makes a PLY of it, or None."""
+    splats = describe_foreign(Path(name))
+    if splats is not None:
+        return splats
     kind = _KINDS.get(_ending(name))
     if kind is None:
         return None
     stem = shlex.quote(name.rpartition(".")[0])
     return f"{kind[0]}; {kind[1].format(name=shlex.quote(name), stem=stem)}"
+
+
+def readable(names: Iterable[str]) -> list[str]:
+    """Those that are no PLYs and can be read as frames all the same, as a reader for them is installed."""
+    return [
+        name
+        for name in names
+        if reader_installed() and not name.startswith(".") and name.lower().endswith(FOREIGN_SUFFIXES)
+    ]
 
 
 def like_frames(names: Iterable[str]) -> list[str]:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.frames.foreign import describe
+from dfcgs_codec.frames.foreign import describe, readable
 from dfcgs_codec.frames.listing import check_is_file
 
 _DGS_ENDING = ".dgs"
@@ -90,7 +90,7 @@ def _check_one(path: Path, *, alone: bool) -> bool:
         return True
     if not stat.S_ISREG(mode):
         raise InputError(f"{path} is a pipe or a device; frames are read from a folder of PLY files")
-    if not _is_ply(path) and not _starts_like_ply(path):
+    if not _is_ply(path) and not readable([path.name]) and not _starts_like_ply(path):
         if alone:
             raise _not_frames(path)
         raise InputError(
