@@ -1,16 +1,17 @@
 """Does one far Gaussian spoil a scene? `python -m evaluation.far_values`; fails where a bar is missed.
 
 Sequences of four frames, with one Gaussian far away in the first, a middle, the last, or every frame, against
-the same sequence with that Gaussian in its place: bytes a frame more, and PSNR lost by all others in the
-frames in which it is far. The same is measured with the Gaussian moved by a hair (`far` 0): where that
-changes as much, it is not the distance: another rounding swaps Gaussians in depth.
+the same sequence without: bytes a frame more, and PSNR lost by all others in the frames in which it is far.
+Without is without that Gaussian where it is far in the first frame, else with it in its place. The same is
+measured with the Gaussian moved by a hair (`far` 0): where that changes as much, it is not the distance:
+another rounding swaps Gaussians in depth.
 """
 
 from __future__ import annotations
 
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -60,9 +61,13 @@ def _without(frame: GaussianCloud) -> GaussianCloud:
 
 
 def _coded(
-    frames: list[GaussianCloud], cameras: list[Camera], rated: tuple[int, ...], qp: float
+    frames: list[GaussianCloud],
+    cameras: list[Camera],
+    rated: tuple[int, ...],
+    qp: float,
+    others: Callable[[GaussianCloud], GaussianCloud] = _without,
 ) -> tuple[int, dict[int, float]]:
-    """Bytes of the file, and PSNR of some frames."""
+    """Bytes of the file, and PSNR of some frames' `others`."""
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "a.dgs"
         options = EncoderOptions(qp=qp, order=OutputOrder.INPUT, jobs=1)
@@ -70,8 +75,8 @@ def _coded(
         decoded = [frame.cloud() for frame in decode_sequence(target)]
     found = {}
     for index in rated:
-        source = [image(_without(frames[index]), camera) for camera in cameras]
-        error = frame_quality(index, source, _without(decoded[index]), cameras).visible.mse
+        source = [image(others(frames[index]), camera) for camera in cameras]
+        error = frame_quality(index, source, others(decoded[index]), cameras).visible.mse
         found[index] = psnr(error) or np.inf
     return size, found
 
@@ -90,9 +95,12 @@ def main() -> int:
     for (scene, frames, cameras), (quality, qp) in (
         (found, preset) for found in _scenes() for preset in QUALITIES.items()
     ):
-        plain_bytes, plain = _coded(frames, cameras, tuple(range(NUM_FRAMES)), qp)
+        everywhere = tuple(range(NUM_FRAMES))
+        in_place = _coded(frames, cameras, everywhere, qp)
+        gone = _coded([_without(frame) for frame in frames], cameras, everywhere, qp, lambda frame: frame)
         for place, where in WHERE.items():
             for far in FAR:
+                plain_bytes, plain = gone if 0 in where and far else in_place
                 size, rated = _coded(_with_far_one(frames, where, far), cameras, where, qp)
                 worse = max(plain[index] - rated[index] for index in where)
                 more = (size - plain_bytes) / NUM_FRAMES

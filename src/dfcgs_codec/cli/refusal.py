@@ -75,6 +75,8 @@ def refused_by_name(file: Path, *, salvage: bool = True) -> Iterator[None]:
         raise ResourceLimit(f"{file}: {error.what}", error.field, error.value, advice) from error
     except (BitstreamError, VerificationError) as error:
         advice = ""
-        if salvage and isinstance(error, _DAMAGE) and _has_frames(file):
-            advice = f"; dfcgs decode {file} OUTPUT_DIR --salvage takes the frames that are whole"
+        if salvage and isinstance(error, _DAMAGE):
+            advice = "; no frame is whole, so that --salvage would find none"
+            if _has_frames(file):
+                advice = f"; dfcgs decode {file} OUTPUT_DIR --salvage takes the frames that are whole"
         raise type(error)(f"{file}: {error}{advice}") from error
