@@ -18,7 +18,7 @@ VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit
 
 .DEFAULT_GOAL := help
 .PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth drift stress allocation charts fitted
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth bench-troubles drift stress allocation charts fitted
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -162,6 +162,10 @@ charts: env-eval ## docs/charts/*.svg, the tables of docs/results.md and of the 
 	$(BIN)/python -m evaluation.charts
 	$(BIN)/python -m evaluation.tables
 	$(BIN)/python -m evaluation.readme
+
+bench-troubles: env-eval ## far Gaussians, headers, small files that ask for much: fails where a bar is missed (half an hour)
+	$(BIN)/python -m evaluation.troubles
+	$(BIN)/python -m evaluation.far_values
 
 bench-zstd: env-eval ## against "quantised delta + zstd" at equal errors
 	$(BIN)/python -m evaluation.against_zstd

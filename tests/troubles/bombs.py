@@ -30,6 +30,20 @@ from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from tests.helpers import Chunk, join_chunks, make_cloud, split_chunks
 
+#: decodes a file in a fresh process: frames, name of the error, peak MiB, seconds of CPU
+FRESH = """
+import json, sys, time
+from dfcgs_codec import DfcgsError, decode_sequence
+frames, error = 0, ""
+try:
+    for frame in decode_sequence(sys.argv[1]):
+        frame.cloud()
+        frames += 1
+except DfcgsError as refusal:
+    error = type(refusal).__name__
+peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM"))
+print(json.dumps([frames, error, int(peak.split()[1]) / 1024, time.process_time()]))
+"""
 #: no more bytes than this
 MOST_BYTES = 10_000
 _BLOCK_LOG2 = 12

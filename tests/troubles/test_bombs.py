@@ -20,6 +20,7 @@ from dfcgs_codec.bitstream.sequence_header import FrameNumbers
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from tests.helpers import join_chunks, make_cloud, split_chunks
 from tests.troubles.bombs import (
+    FRESH,
     MOST_BYTES,
     Kind,
     alike,
@@ -35,19 +36,6 @@ from tests.troubles.situations import run
 MOST_MIB = 300
 #: 2 s of an idle core are the aim; what a loaded machine adds to them is not the file's fault
 MOST_SECONDS = 2.0 * 3
-_FRESH = """
-import json, sys, time
-from dfcgs_codec import DfcgsError, decode_sequence
-frames, error = 0, ""
-try:
-    for frame in decode_sequence(sys.argv[1]):
-        frame.cloud()
-        frames += 1
-except DfcgsError as refusal:
-    error = type(refusal).__name__
-peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM"))
-print(json.dumps([frames, error, int(peak.split()[1]) / 1024, time.process_time()]))
-"""
 
 
 def many_frames() -> bytes:
@@ -102,7 +90,7 @@ def test_no_small_file_takes_much(name: str, tmp_path: Path) -> None:
     data = make()
     assert len(data) <= MOST_BYTES
     (tmp_path / "bomb.dgs").write_bytes(data)
-    command = [sys.executable, "-c", _FRESH, str(tmp_path / "bomb.dgs")]
+    command = [sys.executable, "-c", FRESH, str(tmp_path / "bomb.dgs")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     _, error, mib, seconds = json.loads(done.stdout)
     assert error in outcomes
