@@ -30,8 +30,9 @@ from dfcgs_codec.encoder.placing import balanced_plan
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.proof import prove_written
 from dfcgs_codec.encoder.rate_control import plan_quantisation
+from dfcgs_codec.encoder.reference import CodedSegment
 from dfcgs_codec.encoder.report import EncodeReport
-from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder
+from dfcgs_codec.encoder.segment import SegmentEncoder
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import replace_when_whole
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud

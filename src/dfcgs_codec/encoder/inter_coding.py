@@ -154,7 +154,7 @@ class InterCoder:
         reference = task.state.frame
         levels = self._levels(task.state.visibility)
         multipliers = task.state.visibility.all_multipliers(levels)
-        slack, share = self._slack(task.state), STEADY_SLACK if options.steady else SLACK
+        slack, share = self.slack(task.state), STEADY_SLACK if options.steady else SLACK
         quantiser = ResidualQuantiser(
             quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2, multipliers, slack, share
         )
@@ -177,7 +177,7 @@ class InterCoder:
             known = self._known_levels = (visibility, levels)
         return known[1]
 
-    def _slack(self, state: GofState) -> dict[Attribute, npt.NDArray[np.int64]]:
+    def slack(self, state: GofState) -> dict[Attribute, npt.NDArray[np.int64]]:
         """Steps that the Gaussians had in a graded I-frame: errors that these left are not mended now."""
         if self._grading is None:
             return {}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +18,10 @@ from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import Planes, intra_symbols
 from dfcgs_codec.encoder.announced import check_announced
+from dfcgs_codec.encoder.appearing import ColourSteps, differing_rows
 from dfcgs_codec.encoder.canonical import AxisNames
 from dfcgs_codec.encoder.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame_coding import (
-    CodedFrame,
     IntraTask,
     code_empty_frame,
     code_intra_frame,
@@ -32,11 +32,11 @@ from dfcgs_codec.encoder.grading import settled_names
 from dfcgs_codec.encoder.identity import Members, Succession, found_members, same_members
 from dfcgs_codec.encoder.inter_coding import Births, InterCoder, InterTask
 from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
-from dfcgs_codec.encoder.motion_choice import MotionHint
 from dfcgs_codec.encoder.off_grid import Grids, in_gof_order, with_escapes
 from dfcgs_codec.encoder.placing import Placing
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
-from dfcgs_codec.encoder.report import EncodeReport, FrameRecord
+from dfcgs_codec.encoder.reference import CodedGof, CodedReference, CodedSegment, InputFrame, RunStart
+from dfcgs_codec.encoder.report import FrameRecord
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.triage import is_tracked
 from dfcgs_codec.gaussians import GaussianCloud
@@ -48,66 +48,6 @@ Float64 = npt.NDArray[np.float64]
 
 #: a P-frame that costs more than this share of the last I-frame has an I-frame tried beside it
 _TRY_INTRA_SHARE = 0.7
-
-
-@dataclass(frozen=True)
-class CodedGof:
-    """A closed GoF: its first frame and the chunks of each of its frames."""
-
-    first_frame: int
-    frames: list[bytes] = field(default_factory=list)
-
-
-@dataclass
-class CodedSegment:
-    """GoFs of a run of frames and what was measured on them."""
-
-    gofs: list[CodedGof] = field(default_factory=list)
-    report: EncodeReport = field(default_factory=EncodeReport)
-
-
-@dataclass(frozen=True)
-class _Anchor:
-    """Where a tracked run got its order, axis names and grading from."""
-
-    cloud: GaussianCloud
-    rank: Int64
-    placing: Placing
-
-
-@dataclass(frozen=True)
-class _Input:
-    """A frame of the input, and what is to be said of it.
-
-    `cloud` has the values that the grids hold, `planes` its integers, in its own order; `escapes` are all
-    others.
-    """
-
-    original: GaussianCloud
-    cloud: GaussianCloud
-    planes: Planes
-    escapes: Escapes | None
-    notes: list[str]
-
-
-@dataclass(frozen=True)
-class _Loop:
-    """The closed loop after a frame: what was coded, who its Gaussians are, what they should have been.
-
-    `cloud` and `planes` are those of the input, in its order; `moved` (N, 3): how far they went in one
-    frame, or nan; `hint`: what motion was best; `is_held`: attributes changed that P-frames of the profile
-    do not carry.
-    """
-
-    coded: CodedFrame
-    members: Members
-    target: Planes
-    cloud: GaussianCloud
-    planes: Planes
-    intra_bytes: int
-    moved: Float64 | None = None
-    hint: MotionHint | None = None
-    is_held: bool = False
 
 
 class SegmentEncoder:
@@ -124,7 +64,7 @@ class SegmentEncoder:
             self._latent_coder = LatentCoder(plan, latent_model(plan.header.model_id))
         self._meter = ErrorMeter(plan.header.unit_exponents)
         self._before: GaussianCloud | None = None
-        self._anchors: dict[int, _Anchor] = {}
+        self._anchors: dict[int, RunStart] = {}
         self._names: dict[int, AxisNames] = {}
 
     def encode(self, start: int, stop: int, on_frame: Callable[[], None] | None = None) -> CodedSegment:
@@ -132,7 +72,7 @@ class SegmentEncoder:
         # what is remembered from frame to frame begins anew: bytes do not depend on who coded what
         self._inter_coder, self._before = InterCoder(self._plan), None
         segment = CodedSegment()
-        loop: _Loop | None = None
+        loop: CodedReference | None = None
         measured: Future[None] | None = None
         # a frame is read while the one before is coded, and the one before that is measured
         with ThreadPoolExecutor(2) as beside:
@@ -159,19 +99,19 @@ class SegmentEncoder:
                 measured.result()
         return segment
 
-    def _read(self, index: int) -> _Input:
+    def _read(self, index: int) -> InputFrame:
         original, notes = self._source.read(index)
         check_announced(self._source, index, original, self._plan.header.sh_degree)
         cloud, escapes = self._grids.split(original, self._before)
         self._before = cloud
-        return _Input(original, cloud, self._targets.planes(cloud), escapes, notes)
+        return InputFrame(original, cloud, self._targets.planes(cloud), escapes, notes)
 
-    def _next(self, index: int, frame: _Input, before: _Loop | None) -> _Loop:
+    def _next(self, index: int, frame: InputFrame, before: CodedReference | None) -> CodedReference:
         """P or I, whichever is smallest; I is tried only where P is large or cannot be."""
         cloud, planes = frame.cloud, frame.planes
         if not cloud.num_gaussians:
             return self._empty(index, cloud, planes, before)
-        found: list[_Loop] = []
+        found: list[CodedReference] = []
         limit = 0.0
         if before is not None and before.cloud.num_gaussians:
             limit = _TRY_INTRA_SHARE * before.intra_bytes
@@ -183,11 +123,24 @@ class SegmentEncoder:
                     found.append(self._inter(index, (cloud, planes), before, succession))
         if not found or min(len(loop.coded.data) for loop in found) > limit:
             found.append(self._intra(index, frame))
-        return min(found, key=lambda loop: len(loop.coded.data))
+        best = min(found, key=lambda loop: len(loop.coded.data))
+        return self._intra(index, frame) if self._is_behind(best) else best
+
+    def _fresh(self, state: GofState) -> Int64 | None:
+        """Steps (N,) of colours in an I-frame in place of the frame that left `state`, if they follow it."""
+        steps = self._inter_coder.slack(state).get(Attribute.SH_DC)
+        return None if steps is None else steps[:, 0]
+
+    def _is_behind(self, loop: CodedReference) -> bool:
+        fresh = self._fresh(loop.coded.state) if loop.colours is not None else None
+        if fresh is None or loop.coded.kind == "I":
+            return False
+        assert loop.colours is not None
+        return loop.colours.are_behind(loop.coded.state, fresh)
 
     def _inter(
-        self, index: int, frame: tuple[GaussianCloud, Planes], before: _Loop, succession: Succession
-    ) -> _Loop:
+        self, index: int, frame: tuple[GaussianCloud, Planes], before: CodedReference, succession: Succession
+    ) -> CodedReference:
         cloud, planes = frame
         members, kept = succession.members, succession.kept
         state = before.coded.state
@@ -215,7 +168,12 @@ class SegmentEncoder:
             target = {a: np.concatenate([v, came[a]])[source] for a, v in target.items()}
             unknown = np.full((births.change.num_births, 3), np.nan)
             moved = np.concatenate([moved, unknown])[source]
-        return _Loop(coded, members, target, cloud, planes, before.intra_bytes, moved, hint, held)
+        loop = CodedReference(coded, members, target, cloud, planes, before.intra_bytes, moved, hint, held)
+        fresh = None if before.colours is None else self._fresh(coded.state)
+        if fresh is None or before.colours is None:
+            return loop
+        differs = differing_rows(task.target[Attribute.SH_DC], task.before[Attribute.SH_DC])
+        return replace(loop, colours=before.colours.after(kept, differs, fresh, coded.source))
 
     def _settled_births(self, births: Births, state: GofState, source: Int64) -> Members:
         """Those that came, under the axis names that their coding gives them."""
@@ -228,14 +186,18 @@ class SegmentEncoder:
         names = settled_names(names, births.target[Attribute.ROTATION], decoded)
         return Members(births.members.rows, names)
 
-    def _empty(self, index: int, cloud: GaussianCloud, planes: Planes, before: _Loop | None) -> _Loop:
+    def _empty(
+        self, index: int, cloud: GaussianCloud, planes: Planes, before: CodedReference | None
+    ) -> CodedReference:
         """A frame without Gaussians."""
         if before is not None and not before.cloud.num_gaussians:
             return replace(before, coded=code_repetition(index, before.coded.state))
         coded = code_empty_frame(index, list(planes), self._plan.gof_setup)
-        return _Loop(coded, Members(np.zeros(0, np.int64), None), planes, cloud, planes, len(coded.data))
+        return CodedReference(
+            coded, Members(np.zeros(0, np.int64), None), planes, cloud, planes, len(coded.data)
+        )
 
-    def _escaped(self, index: int, loop: _Loop, escapes: Escapes | None) -> _Loop:
+    def _escaped(self, index: int, loop: CodedReference, escapes: Escapes | None) -> CodedReference:
         """With the escapes of the frame."""
         if loop.coded.state.frame.verbatim is not None:
             return loop
@@ -243,7 +205,7 @@ class SegmentEncoder:
             escapes = in_gof_order(escapes, loop.members.rows)
         return replace(loop, coded=with_escapes(loop.coded, index, escapes, self._plan.header))
 
-    def _intra(self, index: int, frame: _Input) -> _Loop:
+    def _intra(self, index: int, frame: InputFrame) -> CodedReference:
         cloud, planes = frame.cloud, frame.planes
         anchor, first = self._anchor(index), self._plan.anchors[index]
         tracked = is_tracked(anchor.cloud, cloud)
@@ -253,13 +215,15 @@ class SegmentEncoder:
         if self._plan.options.intra == IntraKind.PLY:
             state = state_of(frame.original.take(order).as_float32(), self._plan.header.unit_exponents)
             coded = code_verbatim_frame(index, state, permutation, self._plan.gof_setup)
-            return _Loop(coded, Members(order, None), wide_planes(state), cloud, planes, len(coded.data))
+            return CodedReference(
+                coded, Members(order, None), wide_planes(state), cloud, planes, len(coded.data)
+            )
         names = None if placing.names is None else placing.names.take(order)
         if placing.graded is None:
             target = Members(order, names).target(planes)
             task = IntraTask(intra_symbols(target, self._plan.steps, permutation), grid, self._plan.steps)
             coded = code_intra_frame(index, task, self._plan.gof_setup)
-            return _Loop(coded, Members(order, names), target, cloud, planes, len(coded.data))
+            return CodedReference(coded, Members(order, names), target, cloud, planes, len(coded.data))
         assert names is not None
         if tracked and index != first:
             names = self._settled(first, anchor).take(order)
@@ -275,16 +239,19 @@ class SegmentEncoder:
         if index == first:
             self._names = {first: names.take(np.argsort(order))}
         members = Members(order, names)
-        return _Loop(coded, members, members.target(planes), cloud, planes, len(coded.data))
+        fresh = self._fresh(coded.state)
+        colours = None if fresh is None else ColourSteps(fresh)
+        target = members.target(planes)
+        return CodedReference(coded, members, target, cloud, planes, len(coded.data), colours=colours)
 
-    def _settled(self, first: int, anchor: _Anchor) -> AxisNames:
+    def _settled(self, first: int, anchor: RunStart) -> AxisNames:
         """Axis names, in input order, of the first frame of a run: those that its I-frame gives them."""
         if first not in self._names:
             planes = Targets(self._plan.header.unit_exponents.from_origin).planes(anchor.cloud)
-            self._intra(first, _Input(anchor.cloud, anchor.cloud, planes, None, []))
+            self._intra(first, InputFrame(anchor.cloud, anchor.cloud, planes, None, []))
         return self._names[first]
 
-    def _permutation(self, order: Int64, anchor: _Anchor | None) -> Int64 | None:
+    def _permutation(self, order: Int64, anchor: RunStart | None) -> Int64 | None:
         """Place in the output of each Gaussian in GoF order; None where that is the GoF order."""
         kind = self._plan.options.order
         if kind == OutputOrder.INPUT:
@@ -295,7 +262,7 @@ class SegmentEncoder:
             return None
         return None if np.array_equal(places, np.arange(len(places))) else places
 
-    def _anchor(self, index: int) -> _Anchor:
+    def _anchor(self, index: int) -> RunStart:
         first = self._plan.anchors[index]
         if first not in self._anchors:
             cloud, _ = self._grids.split(self._source.read(first)[0])
@@ -304,10 +271,12 @@ class SegmentEncoder:
             placing = Placing.of(cloud, planes, self._plan, known)
             rank = np.empty(cloud.num_gaussians, np.int64)
             rank[placing.order(planes[Attribute.POSITION], self._plan)[0]] = np.arange(len(rank))
-            self._anchors = {first: _Anchor(cloud, rank, placing)}
+            self._anchors = {first: RunStart(cloud, rank, placing)}
         return self._anchors[first]
 
-    def _record(self, segment: CodedSegment, index: int, original: GaussianCloud, loop: _Loop) -> None:
+    def _record(
+        self, segment: CodedSegment, index: int, original: GaussianCloud, loop: CodedReference
+    ) -> None:
         """Measure the frame's errors as a decoder will have it, against the input under its axis names."""
         frame, number = loop.coded, self._source.numbers[index]
         record = FrameRecord(number, frame.kind, loop.cloud.num_gaussians, len(frame.data))

@@ -17,7 +17,7 @@ from typing import Any
 from dfcgs_codec.encoder.parallel.messages import Refused, Setup
 from dfcgs_codec.encoder.parallel.process import Worker, WorkerEnded, interpreter
 from dfcgs_codec.encoder.plan import SequencePlan
-from dfcgs_codec.encoder.segment import CodedSegment
+from dfcgs_codec.encoder.reference import CodedSegment
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.sequence import FrameSource
 

@@ -1,0 +1,82 @@
+"""What a segment's closed loop holds: frames of the input, what was coded of them, where a run began."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.escapes import Escapes
+from dfcgs_codec.encoder.appearing import ColourSteps
+from dfcgs_codec.encoder.frame_coding import CodedFrame
+from dfcgs_codec.encoder.identity import Members
+from dfcgs_codec.encoder.motion_choice import MotionHint
+from dfcgs_codec.encoder.placing import Placing
+from dfcgs_codec.encoder.report import EncodeReport
+from dfcgs_codec.encoder.targets import Planes
+from dfcgs_codec.gaussians import GaussianCloud
+
+Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CodedGof:
+    """A closed GoF: its first frame and the chunks of each of its frames."""
+
+    first_frame: int
+    frames: list[bytes] = field(default_factory=list)
+
+
+@dataclass
+class CodedSegment:
+    """GoFs of a run of frames and what was measured on them."""
+
+    gofs: list[CodedGof] = field(default_factory=list)
+    report: EncodeReport = field(default_factory=EncodeReport)
+
+
+@dataclass(frozen=True)
+class RunStart:
+    """Where a tracked run got its order, axis names and grading from."""
+
+    cloud: GaussianCloud
+    rank: Int64
+    placing: Placing
+
+
+@dataclass(frozen=True)
+class InputFrame:
+    """A frame of the input, and what is to be said of it.
+
+    `cloud` has the values that the grids hold, `planes` its integers, in its own order; `escapes` are all
+    others.
+    """
+
+    original: GaussianCloud
+    cloud: GaussianCloud
+    planes: Planes
+    escapes: Escapes | None
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class CodedReference:
+    """The closed loop after a frame: what was coded, who its Gaussians are, what they should have been.
+
+    `cloud` and `planes` are those of the input, in its order; `moved` (N, 3): how far they went in one
+    frame, or nan; `hint`: what motion was best; `is_held`: attributes changed that P-frames of the profile
+    do not carry.
+    """
+
+    coded: CodedFrame
+    members: Members
+    target: Planes
+    cloud: GaussianCloud
+    planes: Planes
+    intra_bytes: int
+    moved: Float64 | None = None
+    hint: MotionHint | None = None
+    is_held: bool = False
+    colours: ColourSteps | None = None
