@@ -40,4 +40,4 @@ def test_every_variant_is_a_command_that_encode_understands() -> None:
 
     for options in VARIANTS.values():
         done = CliRunner().invoke(encode, ["/nowhere", "out.dgs", *options])
-        assert "not a folder" in str(done.exception or done.output)
+        assert "does not exist" in str(done.exception or done.output)
