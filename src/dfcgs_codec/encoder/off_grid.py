@@ -91,10 +91,17 @@ class Grids:
 
 def _off_grid(values: Floats, name: str, limit: float) -> Bool | None:
     """Which of `values` (N, C) the grid does not hold; None where it holds all."""
+    if not values.size:
+        return None
     if name == "rotations":
+        largest = np.abs(values).max(axis=1)
+        if largest.min() > 0 and largest.max() < np.inf:
+            return None
         off = ~np.isfinite(values).all(axis=1) | (values == 0).all(axis=1)
         return np.broadcast_to(off[:, None], values.shape) if off.any() else None
-    # the comparison is false for NaN
+    # comparisons are false for NaN, above too
+    if name != "positions" and values.min() >= -limit and values.max() <= limit:
+        return None
     held = np.abs(values) <= limit
     if name != "positions":
         return None if held.all() else ~held

@@ -31,6 +31,8 @@ _MAX_REACH_LOG2 = 80
 _SMALLEST_LOG2 = 10
 #: Gaussians that lie apart from all others, at most, and how many times as far from the middle
 _FAR_ONES, _TIMES_AS_FAR = 2, 4.0
+#: Gaussians that most scenes are told by to have none
+_SAMPLE = 1024
 #: Gaussians that may be escapes where all others have the units that suit them
 _VERY_FEW = 2
 #: and where else units were coarser: some, and one in so many; never more than a tenth
@@ -52,10 +54,18 @@ def _reach(distances: Float64, few: int) -> float:
     return float(np.partition(distances, last)[last])
 
 
+def _none_is_far(some: npt.NDArray[np.number], positions: npt.NDArray[np.number]) -> bool:
+    """Whether a sample tells already: what is large in it is as large in all."""
+    middle = np.median(some, axis=0)
+    reach = _reach(np.abs(some - middle).max(axis=1), _FAR_ONES)
+    low, high = positions.min(axis=0), positions.max(axis=0)
+    return bool(np.maximum(high - middle, middle - low).max() <= _TIMES_AS_FAR * reach)
+
+
 def far_ones(positions: npt.NDArray[np.number]) -> npt.NDArray[np.bool_]:
     """Which of `positions` (N, 3) lie apart from all others: one or two that are several times as far out."""
     count = len(positions)
-    if count <= _TENTH:
+    if count <= _TENTH or _none_is_far(positions[:: max(1, count // _SAMPLE)], positions):
         return np.zeros(count, np.bool_)
     distances = np.abs(positions - np.median(positions, axis=0)).max(axis=1)
     reach = _reach(distances, _FAR_ONES)

@@ -68,11 +68,17 @@ ERROR_FIELDS = {
 }
 
 
+def _all_finite(values: Floats) -> bool:
+    return bool(not values.size or (np.isfinite(values.min()) and np.isfinite(values.max())))
+
+
 def errors_of(name: str, source: Floats, decoded: Floats) -> npt.NDArray[np.floating]:
     """Absolute errors of `ERROR_FIELDS[name]`: per Gaussian (position, rotation, alpha) or component.
 
     Values that are not finite have no error where they are kept as they are, else an infinite one.
     """
+    if name != "rotation" and _all_finite(source) and _all_finite(decoded):
+        return _errors_of(name, source, decoded)
     odd = ~np.isfinite(source) | ~np.isfinite(decoded)
     if name == "rotation":
         odd |= np.broadcast_to((source == 0).all(axis=1, keepdims=True), odd.shape)
