@@ -166,6 +166,7 @@ charts: env-eval ## docs/charts/*.svg, the tables of docs/results.md and of the 
 bench-troubles: env-eval ## far Gaussians, headers, small files that ask for much: fails where a bar is missed (half an hour)
 	$(BIN)/python -m evaluation.troubles
 	$(BIN)/python -m evaluation.far_values
+	$(BIN)/python -m evaluation.appearing
 
 bench-zstd: env-eval ## against "quantised delta + zstd" at equal errors
 	$(BIN)/python -m evaluation.against_zstd

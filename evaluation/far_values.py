@@ -30,7 +30,7 @@ from training.scenes import SceneOptions, animated_sequence, trained_sequence
 from training.scenes.surroundings import SURROUNDINGS
 
 NUM_FRAMES = 4
-FAR = (0.0, 1e3, 1e5, 1e8, 1e12)
+FAR = (0.0, 1e3, 1e6, 1e12)
 WHERE = {"first": (0,), "middle": (2,), "last": (3,), "every": (0, 1, 2, 3)}
 QUALITIES = {"medium": 28, "transparent": 8}
 MOST_DECIBEL, MOST_BYTES = 0.1, 64.0
