@@ -111,7 +111,7 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     )
     comments = display_comments(headers[0].comments)
     plan = SequencePlan(header, quantisation, options, _anchors(counts), first_frame, comments=comments)
-    return balanced_plan(plan, Grids(quantisation.units).split(first)[0])
+    return balanced_plan(plan, *Grids(quantisation.units).split(first))
 
 
 def _segments(plan: SequencePlan) -> list[tuple[int, int]]:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.frame_headers import Grading, SortGrid
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.visibility import MULTIPLIER_BITS, Visibility
@@ -18,7 +19,6 @@ from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
 from dfcgs_codec.encoder.cover import cover_of, light
 from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.plan import SequencePlan
-from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.encoder.sensitivity import image_errors
 from dfcgs_codec.encoder.targets import Targets
 from dfcgs_codec.encoder.trellis_search import ALTERNATING_ERROR
@@ -70,15 +70,18 @@ class Placing:
         return order_of(indices, grid), grid
 
 
-def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
-    """With steps in proportion to what they show in the `first` frame."""
+def balanced_plan(plan: SequencePlan, first: GaussianCloud, escapes: Escapes | None = None) -> SequencePlan:
+    """With steps in proportion to what they show in the `first` frame; `escapes`: its own."""
     if not (plan.is_graded and plan.options.balance):
         return plan
-    far = far_ones(first.positions)
     everyone = np.ones(first.num_gaussians)
-    if far.any():
+    near = np.arange(first.num_gaussians)
+    if escapes is not None:
         # who lies apart from all others has no say in how these are coded
-        first = first.take(np.flatnonzero(~far))
+        near = np.setdiff1d(near, escapes.rows)
+    if not len(near):
+        return plan
+    first = first.take(near) if len(near) < len(everyone) else first
     found, planes = light(first), Targets(plan.header.unit_exponents.from_origin).planes(first)
     placing = Placing.of(first, planes, plan, found)
     assert placing.names is not None
@@ -106,7 +109,7 @@ def balanced_plan(plan: SequencePlan, first: GaussianCloud) -> SequencePlan:
         counted = {a: error.scaled(shares.get(a, 1.0)) for a, error in errors.items()}
         octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, inter, bounded).items()}
         octaves = no_worse(octaves, errors, limit)
-    everyone[~far] = found
+    everyone[near] = found
     return replace(plan, quantisation=plan.quantisation.balanced(graded, octaves), first_light=everyone)
 
 
