@@ -18,7 +18,7 @@ VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit
 
 .DEFAULT_GOAL := help
 .PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth bench-troubles drift stress allocation charts fitted
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth bench-troubles drift stress allocation charts fitted captures
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -74,7 +74,7 @@ test-newest: $(STAMP) ## the same with the newest
 	.venv-newest/bin/python -m pytest $(VERSIONED)
 
 test-evaluation: env-eval ## the tests of renderer, metrics, baselines and fitting, which need the extra [eval]
-	$(BIN)/python -m pytest -n 2 tests/evaluation tests/unit/test_fitting.py
+	$(BIN)/python -m pytest -n 2 tests/evaluation tests/unit/test_fitting.py tests/unit/captures
 
 test-training: env-train ## the tests of training, which need torch
 	$(BIN)/python -m pytest -n 2 tests/training
@@ -179,6 +179,9 @@ bench-speed: env-eval ## encode and decode times
 
 bench-memory: env-eval ## peak memory of a long sequence
 	$(BIN)/python -m evaluation.memory
+
+captures: env-eval ## rebuild the captures of rooms into out/captures (hours; goes on where it stopped)
+	$(BIN)/python -m training.captures --out out/captures
 
 fitted: env-eval ## rebuild the fitted training sequence into out/ (about 15 minutes)
 	$(BIN)/python -m training.fitting fitted_barbarian --out out/fitted_barbarian.zip

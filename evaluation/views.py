@@ -4,7 +4,8 @@
 
 Each camera looks at the middle of the box that holds the central 98 % of the first frame's Gaussians along
 every axis, from a distance at which the box fills 80 % of the image's height (or of its width, where the box
-is wider than the image's shape).
+is wider than the image's shape). A capture is seen from between the cameras that it was fitted to, in images
+of their size and angle.
 """
 
 from __future__ import annotations
@@ -74,12 +75,30 @@ def scene_views(cloud: GaussianCloud, up: str) -> list[dict[str, Any]]:
     return [_entry(framing_camera(box, angles, up), box.mean(axis=0), up) for angles in ANGLES]
 
 
+def capture_views(name: str) -> list[dict[str, Any]]:
+    """Eight views of a capture, as `views.json` has them; needs numba."""
+    from training.captures.captures import CAPTURES
+    from training.captures.rigs import SIZE as CAPTURE_SIZE
+    from training.captures.rigs import evaluation_cameras
+
+    rig = CAPTURES[name].rig
+    lens = {"size": CAPTURE_SIZE, "vertical_fov_degrees": rig.vertical_fov}
+    entries = []
+    for camera in evaluation_cameras(rig):
+        target = camera.position + rig.distance * camera.world_to_camera[2, :3]
+        entries.append(_entry(camera, target, "+y") | lens)
+    return entries
+
+
 def cameras(scene: str, views: tuple[int, ...] = tuple(range(len(ANGLES)))) -> list[Camera]:
     """The frozen cameras of a scene."""
     entries = json.loads(VIEWS.read_text())["scenes"][scene]
-    return [
-        look_at(entries[i]["eye"], entries[i]["target"], SIZE, VERTICAL_FOV, entries[i]["up"]) for i in views
-    ]
+    return [_camera(entries[i]) for i in views]
+
+
+def _camera(entry: dict[str, Any]) -> Camera:
+    size, fov = tuple(entry.get("size", SIZE)), entry.get("vertical_fov_degrees", VERTICAL_FOV)
+    return look_at(entry["eye"], entry["target"], size, fov, entry["up"])
 
 
 def _first_frame(scene: Scene) -> GaussianCloud:
@@ -92,6 +111,10 @@ def main() -> None:
     for scene in [*group("evaluation"), *group("long")]:
         if scene.name not in known and has_asset(scene.asset):
             known[scene.name] = scene_views(_first_frame(scene), scene.up)
+            print(scene.name)
+    for scene in group("captures"):
+        if scene.name not in known:
+            known[scene.name] = capture_views(Path(scene.asset).stem)
             print(scene.name)
     lines = [f'  "{name}": {json.dumps(views)}' for name, views in known.items()]
     head = f'{{\n "size": {list(SIZE)},\n "vertical_fov_degrees": {VERTICAL_FOV},\n "scenes": {{\n'

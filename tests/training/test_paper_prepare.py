@@ -17,8 +17,10 @@ from training.paper.gof import Gof, normalisation  # noqa: E402
 from training.paper.prepare import Layout, choices, prepare_gof, training_scenes  # noqa: E402
 from training.scenes.catalogue import group  # noqa: E402
 
+EVALUATED = ("evaluation", "long", "captures")
 
-@pytest.mark.parametrize("name", [scene.name for g in ("evaluation", "long") for scene in group(g)])
+
+@pytest.mark.parametrize("name", [scene.name for g in EVALUATED for scene in group(g)])
 def test_evaluation_scenes_are_refused(name):
     with pytest.raises(InputError, match="only 'training' is trained on"):
         training_scenes([name])

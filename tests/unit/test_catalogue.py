@@ -11,10 +11,11 @@ import pytest
 
 from dfcgs_codec.errors import InputError
 from training.scenes import MOTIONS, VARIANTS
-from training.scenes.catalogue import CATALOGUE, generator_parameters, group, scene, scenes
+from training.scenes.catalogue import CATALOGUE, Scene, generator_parameters, group, scene, scenes
+from training.scenes.fitted import read_about
 
 #: a change of the list is a change of every figure measured with it: measure again, then change this
-DIGEST = "863d9e810e31cec55219c1c893692f32b51bf646f98d4e0274683e0bad25b869"
+DIGEST = "a932dc16ec1146c7548edab5c3f435a20fb74cfe79f853a5935165f61cd434ed"
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 
 
@@ -43,19 +44,31 @@ def test_there_are_scenes_enough() -> None:
     assert all(s.num_frames == 300 for s in group("long"))
 
 
-def characters(names: tuple[str, ...]) -> set[str]:
-    """The characters of groups; a fitted sequence is one of the character it was fitted to."""
-    found = {s.asset for name in names for s in group(name)}
-    return {asset.split(".")[0].removeprefix("fitted_").lower() for asset in found}
+JUDGED, TRAINED = ("evaluation", "long", "captures"), ("training", "captures_training")
 
 
-def test_training_and_evaluation_share_no_character_and_no_clip() -> None:
-    assert not characters(("evaluation", "long")) & characters(("training",))
-    clips = [
-        {s.clip for name in names for s in group(name)} - {None}
-        for names in (("evaluation", "long"), ("training",))
-    ]
-    assert not clips[0] & clips[1]
+def made_of(entry: Scene) -> dict[str, str | None]:
+    """Character, clip and room of a scene; a stored one names those that it was fitted to."""
+    if not entry.asset.endswith(".zip"):
+        return {"character": entry.asset.split(".")[0].lower(), "clip": entry.clip, "room": None}
+    source = read_about(ASSETS / "fitted" / entry.asset)["source"]
+    actor = source.get("actor", source)
+    character = actor["asset"].split(".")[0].split("_")[0].lower()
+    return {"character": character, "clip": actor["clip"], "room": source.get("room")}
+
+
+@pytest.mark.parametrize("kind", ["character", "clip", "room"])
+def test_training_and_evaluation_share_no_character_no_clip_and_no_room(kind: str) -> None:
+    judged, trained = (
+        {made_of(s)[kind] for name in names for s in group(name)} - {None} for names in (JUDGED, TRAINED)
+    )
+    assert not judged & trained
+
+
+def test_a_capture_has_its_cameras_beside_it() -> None:
+    for entry in [*group("captures"), *group("captures_training")]:
+        cameras = json.loads((ASSETS / "fitted" / Path(entry.asset).stem / "cameras.json").read_text())
+        assert 20 <= len(cameras) <= 32
 
 
 def test_trained_splats_are_for_evaluation_only() -> None:
@@ -72,7 +85,8 @@ def test_entries_make_sense(name: str) -> None:
 
 
 def test_retraining_needs_nothing_but_the_repository() -> None:
-    missing = [s.asset for s in group("training") if not any(ASSETS.rglob(s.asset))]
+    trained_on = [*group("training"), *group("captures_training")]
+    missing = [s.asset for s in trained_on if not any(ASSETS.rglob(s.asset))]
     assert not missing
 
 

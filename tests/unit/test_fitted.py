@@ -1,4 +1,4 @@
-"""Stored fitted sequences: the format, and the two that are part of the repository."""
+"""Stored fitted sequences: the format, and those that are part of the repository."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ STATIC = ["scales", "opacities", "sh_dc", "sh_rest"]
 DIGESTS = {
     "fitted_barbarian": "3aa59a88e10c806b30cd1f1f21014537b5da1d7c534b91c464607cd306e6aed0",
     "fitted_mage": "66f1244c17ef7deedb8c107449d5f3f4616cd0de0344e800fd3893fe8b5139a0",
+    "capture_kitchen": "9acf1e5212b43f4ebe37ccec020d93983cf487a37bd2cdd615b0e8c943937b8d",
 }
 
 
@@ -35,6 +36,10 @@ def digest(frames: list[GaussianCloud]) -> str:
         for name in NAMES:
             state.update(getattr(frame, name).astype("<f4").tobytes())
     return state.hexdigest()
+
+
+def is_capture(name: str) -> bool:
+    return name.startswith("capture_")
 
 
 def same(a: GaussianCloud, b: GaussianCloud) -> bool:
@@ -57,9 +62,13 @@ def stored(request: pytest.FixtureRequest) -> tuple[str, list[GaussianCloud]]:
 
 class TestStored:
     def test_shapes(self, stored: tuple[str, list[GaussianCloud]]) -> None:
-        _, frames = stored
+        name, frames = stored
         assert len(frames) == 20
-        assert {(f.num_gaussians, f.sh_degree) for f in frames} == {(19_000, 1)}
+        ((count, degree),) = {(f.num_gaussians, f.sh_degree) for f in frames}
+        if is_capture(name):
+            assert 30_000 <= count <= 60_000
+        else:
+            assert (count, degree) == (19_000, 1)
         assert all(np.isfinite(getattr(f, n)).all() for f in frames for n in NAMES)
 
     def test_only_positions_and_rotations_change(self, stored: tuple[str, list[GaussianCloud]]) -> None:
@@ -68,10 +77,12 @@ class TestStored:
             assert all(getattr(a, n).tobytes() == getattr(b, n).tobytes() for n in STATIC)
 
     def test_statistics_are_those_of_a_tracker(self, stored: tuple[str, list[GaussianCloud]]) -> None:
-        _, frames = stored
+        name, frames = stored
         for a, b in pairwise(frames):
             still = (a.positions == b.positions).all(axis=1)
-            assert 0.3 < still.mean() < 0.8
+            # most of a room is far from the one who moves in it
+            low, high = (0.6, 0.99) if is_capture(name) else (0.3, 0.8)
+            assert low < still.mean() < high
             assert (a.rotations == b.rotations)[still].mean() > 0.99
             step = np.linalg.norm(b.positions - a.positions, axis=1)[~still]
             assert 1e-3 < np.median(step) < 0.1

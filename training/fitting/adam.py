@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +19,7 @@ class Adam:
     """Changes the arrays in place; a rate is a number, or an array that broadcasts to its values."""
 
     def __init__(self, values: Mapping[str, Float32]) -> None:
-        self.values = values
+        self.values = dict(values)
         self.steps = 0
         self._mean = {name: np.zeros_like(array) for name, array in values.items()}
         self._square = {name: np.zeros_like(array) for name, array in values.items()}
@@ -32,6 +33,37 @@ class Adam:
             mean += np.float32(1.0 - _FIRST) * (gradient - mean)
             square += np.float32(1.0 - _SECOND) * (gradient * gradient - square)
             array -= np.float32(correction) * rates[name] * mean / (np.sqrt(square) + _EPSILON)
+
+    def select(self, rows: npt.NDArray[np.int64], fresh: npt.NDArray[np.bool_]) -> None:
+        """Go on with `rows` of every array, some more than once; those that are `fresh` without a past."""
+        self.values = {name: array[rows] for name, array in self.values.items()}
+        for past in (self._mean, self._square):
+            for name, array in past.items():
+                past[name] = array[rows]
+                past[name][fresh] = 0.0
+
+    def forget(self, name: str) -> None:
+        """Let one array go on without a past."""
+        self._mean[name][:] = 0.0
+        self._square[name][:] = 0.0
+
+    def arrays(self) -> dict[str, npt.NDArray[np.generic]]:
+        """All that `from_arrays` needs."""
+        kinds = {"value": self.values, "mean": self._mean, "square": self._square}
+        found = {f"{kind}_{name}": array for kind, part in kinds.items() for name, array in part.items()}
+        return {"steps": np.array(self.steps), **found}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Adam:
+        """As it was when `arrays` were taken."""
+
+        def part(kind: str) -> dict[str, Float32]:
+            return {k.removeprefix(kind): v for k, v in arrays.items() if k.startswith(kind)}
+
+        adam = cls(part("value_"))
+        adam._mean, adam._square = part("mean_"), part("square_")
+        adam.steps = int(arrays["steps"])
+        return adam
 
 
 def decayed(start: float, end: float, progress: float) -> float:

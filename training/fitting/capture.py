@@ -31,10 +31,11 @@ SH_C0 = 0.28209479177387814
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera and its image of the truth, (H, W, 3) in [0, 1]."""
+    """A camera, its image of the truth, (H, W, 3) in [0, 1], and what a fit has behind its Gaussians."""
 
     camera: Camera
     image: Float32
+    background: tuple[float, float, float] = BACKGROUND
 
 
 def training_cameras(size: tuple[int, int] = IMAGE_SIZE) -> list[Camera]:
@@ -58,9 +59,11 @@ def take_views(truth: TrueFrame, cameras: list[Camera]) -> list[View]:
     return [View(camera, picture(truth.cloud, camera)) for camera in cameras]
 
 
-def picture(cloud: GaussianCloud, camera: Camera) -> Float32:
-    """(H, W, 3) image of a cloud in front of the common background, clipped to [0, 1]."""
-    return np.minimum(render(cloud, camera, BACKGROUND).colour, 1)
+def picture(
+    cloud: GaussianCloud, camera: Camera, background: tuple[float, float, float] = BACKGROUND
+) -> Float32:
+    """(H, W, 3) image of a cloud in front of a background, clipped to [0, 1]."""
+    return np.minimum(render(cloud, camera, background).colour, 1)
 
 
 def painted(cloud: GaussianCloud, colours: Float32) -> GaussianCloud:
@@ -78,7 +81,7 @@ def character_mask(truth: TrueFrame, camera: Camera) -> Bool:
 def psnr(cloud: GaussianCloud, views: Sequence[View], masks: Sequence[Bool] | None = None) -> float:
     """PSNR in dB, squared errors pooled over the views; masks: the pixels that count, None for all."""
     errors = [
-        ((picture(cloud, view.camera) - view.image).astype(np.float64) ** 2)[
+        ((picture(cloud, view.camera, view.background) - view.image).astype(np.float64) ** 2)[
             ... if masks is None else masks[i]
         ]
         for i, view in enumerate(views)

@@ -6,7 +6,7 @@ import numpy as np
 
 from dfcgs_codec.gaussians import GaussianCloud
 from evaluation.render import CloudGradient, render, render_backward, ssim_with_gradient
-from training.fitting.capture import BACKGROUND, View
+from training.fitting.capture import View
 
 #: weight of 1 - SSIM; the rest is that of the mean absolute error
 SSIM_WEIGHT = 0.2
@@ -14,7 +14,7 @@ SSIM_WEIGHT = 0.2
 
 def loss_gradient(cloud: GaussianCloud, view: View) -> tuple[float, CloudGradient]:
     """0.8 L1 + 0.2 (1 - SSIM) between the cloud's image and the view's, and its gradient."""
-    rendering = render(cloud, view.camera, BACKGROUND)
+    rendering = render(cloud, view.camera, view.background)
     difference = rendering.colour - view.image
     similarity, gradient = ssim_with_gradient(rendering.colour, view.image)
     gradient *= np.float32(-SSIM_WEIGHT)

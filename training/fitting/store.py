@@ -7,6 +7,7 @@ import lzma
 import os
 import shutil
 import zipfile
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,20 @@ def create(path: Path, first: GaussianCloud, source: dict[str, Any]) -> None:
         _add(archive, ABOUT, json.dumps(about, indent=1).encode())
         _add(archive, FIRST, _planes(_table(first)))
     os.replace(partial, path)
+
+
+def shortened(cloud: GaussianCloud) -> GaussianCloud:
+    """The cloud with 16 significant bits in each value: a quarter of the file goes, and nothing that shows.
+
+    Far finer than any step of a codec, and relative to each value: no grid that a codec could find.
+    """
+    names = [field.name for field in fields(cloud)]
+    return GaussianCloud(**{name: _shortened(getattr(cloud, name)) for name in names})
+
+
+def _shortened(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    bits = np.ascontiguousarray(values).view(np.uint32)
+    return ((bits + np.uint32(0x80)) & np.uint32(0xFFFFFF00)).view(np.float32)
 
 
 def append_step(path: Path, index: int, rows: Int64, steps: Float16) -> None:

@@ -63,7 +63,7 @@ class GofChoice:
 def training_scenes(names: list[str] | None = None) -> list[Scene]:
     """The scenes of the training group, or those of them that are named; InputError for any other."""
     chosen = group("training") if names is None else [scene(name) for name in names]
-    others = {s.asset for s in [*group("evaluation"), *group("long")]}
+    others = {s.asset for s in [*group("evaluation"), *group("long"), *group("captures")]}
     for one in chosen:
         if one.group != "training":
             raise InputError(f"{one.name} is of group {one.group!r}; only 'training' is trained on")

@@ -1,7 +1,9 @@
 """The frozen list of scenes: the sequences of training and evaluation, and every parameter of the generator.
 
-`catalogue.json` holds it. Three groups: `evaluation` (never trained on), `long` (300 frames, evaluation too)
-and `training`. Characters and clip names of the first two do not occur in the third; trained splats never do.
+`catalogue.json` holds it. `evaluation` (never trained on), `long` (300 frames, evaluation too) and `training`
+are objects seen from outside; `captures` (evaluation) and `captures_training` are rooms seen from where the
+cameras stood (`training.captures`). Rooms, characters and clips of what is evaluated do not occur in what is
+trained on; trained splats never do.
 A change of the file is a change of every figure that was measured with it: a test pins its digest.
 """
 
@@ -30,8 +32,8 @@ from training.scenes.trained import trained_sequence
 from training.scenes.variants import VARIANTS, permuted_with_ids
 
 CATALOGUE = Path(__file__).with_name("catalogue.json")
-Group = Literal["evaluation", "long", "training"]
-GROUPS: tuple[Group, ...] = ("evaluation", "long", "training")
+Group = Literal["evaluation", "long", "training", "captures", "captures_training"]
+GROUPS: tuple[Group, ...] = ("evaluation", "long", "training", "captures", "captures_training")
 #: the modules whose constants make a scene what it is
 _MODULES = ("animated", "appearance", "fields", "posing", "semi_tracked", "stress", "tracked", "trained")
 #: identities of a scene whose index is not the identity
