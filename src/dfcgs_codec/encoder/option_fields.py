@@ -7,6 +7,7 @@ InputError that names the field, what was found and what was expected. Ranges ar
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from enum import Enum
 from fractions import Fraction
@@ -27,7 +28,7 @@ def all_cores() -> int:
     return os.cpu_count() or 1
 
 
-class OptionField(Generic[_Held, _Given]):
+class OptionField(ABC, Generic[_Held, _Given]):
     """A field that converts what it is given; the class holds the default."""
 
     def __init__(self, default: _Held) -> None:
@@ -45,8 +46,9 @@ class OptionField(Generic[_Held, _Given]):
     def __set__(self, instance: object, value: _Given) -> None:
         instance.__dict__[self._key] = self._convert(value)
 
+    @abstractmethod
     def _convert(self, value: Any) -> _Held:
-        raise NotImplementedError
+        """What is held of `value`; InputError for what does not fit."""
 
 
 class Switch(OptionField[bool, bool]):
