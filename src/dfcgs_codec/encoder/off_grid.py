@@ -1,7 +1,7 @@
 """Values that the grids of a sequence do not hold: found in the input, kept exactly beside the coded frame.
 
 So are positions of one or two Gaussians that lie apart from all others. These then spoil nothing: on the grid
-they stand where they stood before, or in the middle, and the decoder puts the exact values in their places.
+they stand where they stood before, or at a corner of the scene, and the decoder puts the exact values there.
 """
 
 from __future__ import annotations
@@ -110,10 +110,14 @@ def _off_grid(values: Floats, name: str, limit: float) -> Bool | None:
     return None if rows.all() else np.broadcast_to(~rows[:, None], values.shape)
 
 
-def _middle(positions: Floats, off: Bool) -> Floats:
-    """Where a far Gaussian disturbs nobody: far out it would be a control point, and lead others."""
+def _corner(positions: Floats, off: Bool) -> Floats:
+    """Where a far Gaussian disturbs nobody: the last corner of the box around all others.
+
+    There it is last in canonical order, so that all others keep their places; farther out it would spoil the
+    control points.
+    """
     near = positions[~off[:, 0]]
-    return np.median(near, axis=0) if len(near) else np.zeros(3)
+    return near.max(axis=0) if len(near) else np.zeros(3)
 
 
 def _stand_ins(values: Floats, off: Bool, name: str, limit: float, held: Floats | None) -> Floats:
@@ -121,7 +125,7 @@ def _stand_ins(values: Floats, off: Bool, name: str, limit: float, held: Floats 
     if name == "rotations":
         return np.where(off, np.array(_NO_ROTATION, values.dtype), values)
     if name == "positions":
-        return np.where(off, _middle(values, off) if held is None else held, values).astype(values.dtype)
+        return np.where(off, _corner(values, off) if held is None else held, values).astype(values.dtype)
     # predictions from values at the very border would leave the state
     border = np.clip(np.where(np.isnan(values), 0, values), -limit / 16, limit / 16)
     return np.where(off, border, values).astype(values.dtype)
