@@ -58,10 +58,10 @@ def check_file_target(target: Path, *, force: bool) -> None:
     place = file_target(target, force=force)
     clear_beside(place, target)
     trial = beside(place)
-    try:
+    # an interrupt while the trial is removed must find it, too
+    with put_away_at_end(trial, remove):
         with writable(target, place.parent), trial.open("x+b"):
             pass
-    finally:
         remove(trial)
 
 
