@@ -228,11 +228,14 @@ def _escaped(cloud: GaussianCloud, escapes: Escapes) -> GaussianCloud:
             continue
         bits = np.array(values).view(f"u{values.itemsize}")
         bits[escapes.rows[some], escapes.columns[some] - first] = escapes.patterns[some]
-        found[name] = _shaped(name, bits.view(values.dtype), getattr(cloud, name).shape)
+        found[name] = array_of_columns(name, bits.view(values.dtype), getattr(cloud, name).shape)
     return replace(cloud, **found)
 
 
-def _shaped(name: str, values: npt.NDArray[np.floating], shape: tuple[int, ...]) -> npt.NDArray[np.floating]:
+def array_of_columns(
+    name: str, values: npt.NDArray[np.floating], shape: tuple[int, ...]
+) -> npt.NDArray[np.floating]:
+    """Inverse of `columns_of` for one field: (N, C) in the shape of the cloud's array."""
     if name != "sh_rest":
         return values.reshape(shape)
     return np.ascontiguousarray(values.reshape(shape[0], shape[2], shape[1]).transpose(0, 2, 1))

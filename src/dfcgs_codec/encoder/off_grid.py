@@ -17,7 +17,7 @@ from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader, UnitExponents
-from dfcgs_codec.codec.dpb import columns_of
+from dfcgs_codec.codec.dpb import array_of_columns, columns_of
 from dfcgs_codec.encoder.frame_coding import CodedFrame
 from dfcgs_codec.encoder.plan import BLOCK_LOG2
 from dfcgs_codec.encoder.position_grid import far_ones
@@ -63,7 +63,7 @@ class Grids:
                 columns.append(first + column)
                 patterns.append(_patterns(values[off], self._is_wide(name)))
             if on_grid is not values:
-                found[name] = _restored(name, on_grid, getattr(cloud, name).shape)
+                found[name] = array_of_columns(name, on_grid, getattr(cloud, name).shape)
         if not found:
             return cloud, None
         split = replace(cloud, **found)
@@ -137,13 +137,6 @@ def _patterns(values: Floats, is_wide: bool) -> npt.NDArray[np.uint64]:
         return values.view(kinds[1]).astype(np.uint64)
     with np.errstate(over="ignore", invalid="ignore"):
         return values.astype(kinds[0]).view(kinds[1]).astype(np.uint64)
-
-
-def _restored(name: str, values: Floats, shape: tuple[int, ...]) -> Floats:
-    """Columns (N, C) in the shape of the cloud's array."""
-    if name != "sh_rest":
-        return values.reshape(shape)
-    return np.ascontiguousarray(values.reshape(shape[0], shape[2], shape[1]).transpose(0, 2, 1))
 
 
 def in_gof_order(escapes: Escapes, members: Int64) -> Escapes:
