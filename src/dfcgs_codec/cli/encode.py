@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from dfcgs_codec.cli import values as parse
 from dfcgs_codec.cli.outputs import output_file
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.cli.refusal import note_of_limits
+from dfcgs_codec.cli.views import views_beside, views_named, views_note
 from dfcgs_codec.encoder.options import COMPENSATIONS, EncoderOptions, MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES
@@ -25,6 +27,7 @@ from dfcgs_codec.files import check_file_target
 from dfcgs_codec.frames.typed import check_arguments
 from dfcgs_codec.ply import InputPolicy, gathered
 from dfcgs_codec.sequence import DEFAULT_PATTERN, open_frames
+from dfcgs_codec.views.region import DEFAULT_MARGIN
 
 #: for a file of one's own: whatever it needs
 _NO_LIMITS = ("--max-memory", "1024T", "--max-gaussians", str(1 << 30))
@@ -57,6 +60,9 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         balance=values["balance"] == "auto",
         steady=values["steady"],
         exact=values["exact"] == "auto",
+        views=views_named(values["views"]),
+        views_margin=values["views_margin"],
+        keep_unseen=values["keep_unseen"],
         prior=values["prior"],
         intra=values["intra"],
         order=values["order"],
@@ -64,6 +70,12 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         keep_axes=values["keep_axes"],
         jobs=values["jobs"],
     )
+
+
+def _with_views(options: EncoderOptions, paths: list[Path]) -> tuple[EncoderOptions, list[str]]:
+    """The options with the cameras that lie beside the frames, and what is to be said of them."""
+    views, notes = views_beside(paths)
+    return replace(options, views=views), notes
 
 
 def _verify(target: Path) -> None:
@@ -217,6 +229,21 @@ def _summary(report: EncodeReport, target: Path) -> str:
     help="Whether values that another tool has quantised are kept as they are, where that is smaller.",
 )
 @click.option(
+    "--views",
+    metavar="FILE|none",
+    show_default="found beside the frames",
+    help="The cameras between which viewers stand: cameras.json, transforms.json or a folder of COLMAP.",
+)
+@click.option(
+    "--views-margin",
+    type=float,
+    metavar="SHARE",
+    default=DEFAULT_MARGIN,
+    show_default=True,
+    help="How far outside the cameras viewers stand, as a share of the distance between them.",
+)
+@click.option("--keep-unseen", is_flag=True, help="Keep what is seen from none of the views as the rest.")
+@click.option(
     "--intra",
     type=click.Choice(["coded", "ply"]),
     default="coded",
@@ -289,8 +316,13 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         order_by=values["order_by"],
         policy=policy,
     )
+    told = list(source.notes)
+    if values["views"] is None and options.profile == Profile.MAIN:
+        options, notes = _with_views(options, source.paths)
+        told += notes
+    told += views_note(options.views)
     # said before the work begins: whoever meant other files need not wait for its end
-    for note in source.notes:
+    for note in told:
         click.echo(f"note: {note}", err=True)
     with progress_bar("encoding", values["quiet"]) as progress:
         report = encode_sequence(source, output, options, force=values["force"], progress=progress)
@@ -302,7 +334,7 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         _verify(output)
     if values["as_json"]:
         records = [vars(frame) for frame in report.frames]
-        result = {"num_bytes": report.num_bytes, "errors": _errors(report), "notes": [*source.notes, *notes]}
+        result = {"num_bytes": report.num_bytes, "errors": _errors(report), "notes": [*told, *notes]}
         click.echo(json.dumps(result | {"verified": values["verify"], "frames": records}))
     elif not values["quiet"]:
         click.echo(_summary(report, output) + ("\nverified" if values["verify"] else ""))

@@ -22,6 +22,7 @@ from dfcgs_codec.bitstream.constants import (
     Profile,
 )
 from dfcgs_codec.encoder.option_fields import (
+    Cameras,
     Choice,
     NamedReal,
     OptionField,
@@ -37,6 +38,7 @@ from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, QUALITIES, Bound
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.model.registry import DEFAULT_MODEL, DEFAULT_PRIOR
+from dfcgs_codec.views.region import DEFAULT_MARGIN
 
 MAX_GOF_SIZE = 1 << 16
 #: frames at most from one I-frame to the next where the encoder chooses
@@ -44,6 +46,7 @@ AUTO_GOF_SIZE = 60
 #: the paper's L
 PAPER_GOF_SIZE = 10
 _MAX_RATE_TERM = 1 << 32
+_MAX_VIEWS_MARGIN = 10
 
 
 class MotionMode(Enum):
@@ -116,6 +119,10 @@ class EncoderOptions:
     `balance`: steps of attributes follow what they show in the first frame; `steady`: P-frames have steps
     fine enough to stay about as good as I-frames; `exact`: values that the
     input has quantised are kept as they are, where that is smaller;
+    `views`: the cameras between which viewers stand, as Views or the path of a `cameras.json`, a
+    `transforms.json` or a folder of COLMAP; None, the default, is none, as only the command line looks for
+    them beside the frames. `views_margin`: how far outside viewers stand, as a share of the distance between
+    cameras; `keep_unseen`: what no such viewer sees is kept as well as the rest;
     `intra_zero_bin` is that of I-frames; `prior`: which streams of P-frames take
     the frozen prior; `model_id` names another model than the profile's own; `jobs` processes, None: one for
     each core.
@@ -147,6 +154,9 @@ class EncoderOptions:
     balance: Switch = Switch(True)
     steady: Switch = Switch(False)
     exact: Switch = Switch(True)
+    views: Cameras = Cameras(None)
+    views_margin: Real = Real(DEFAULT_MARGIN)
+    keep_unseen: Switch = Switch(False)
     intra_zero_bin: Real = Real(0.6)
     jobs: Processes = Processes(1)
 
@@ -181,6 +191,12 @@ class EncoderOptions:
             ),
             "--steady is part of --balance auto: it needs --profile main, --steps visibility, --intra coded "
             "and no --keep-axes": not self.steady or self._can_be_balanced,
+            f"--views-margin {self.views_margin}: 0 to {_MAX_VIEWS_MARGIN} was expected": (
+                0 <= self.views_margin <= _MAX_VIEWS_MARGIN
+            ),
+            "--views and --keep-unseen belong to --profile main": (
+                self.profile == Profile.MAIN or not (self.views or self.keep_unseen)
+            ),
             "--latent-step and --refinement belong to --profile paper": (
                 self.profile == Profile.PAPER
                 or (self.latent_step, self.refinement) == (1.0, RefinementMode.AUTO)
@@ -223,7 +239,7 @@ class EncoderOptions:
             f"dfcgs-codec {__version__} qp={self.qp:g} gof_size={self.gof_size or 'auto'}"
             f" prior={self.prior.value}{'/' if self.model else ''}{self.model}"
             f" motion={motion} control={self.control_rule.name.lower()}/{self.control_spacing}"
-            f" steps={self._steps}{'' if self.exact else ' exact=off'}"
+            f" steps={self._steps}{'' if self.exact else ' exact=off'}{self._seen}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
         )
 
@@ -233,6 +249,12 @@ class EncoderOptions:
             return "uniform"
         parts = {"/nocover": not self.cover, "/nobalance": not self.balance, "/steady": self.steady}
         return "visibility" + "".join(name for name, is_so in parts.items() if is_so)
+
+    @property
+    def _seen(self) -> str:
+        """How many cameras there are, never where they were read."""
+        views = f" views={len(self.views.cameras)}/{self.views_margin:g}" if self.views else ""
+        return views + (" keep_unseen" if self.keep_unseen else "")
 
     def _describe_paper(self) -> str:
         return (

@@ -180,7 +180,7 @@ def _cameras(images: Iterator[tuple[int, Float64]], lenses: Mapping[int, _Lens])
 def colmap_ending(folder: Path) -> str | None:
     """`.bin` or `.txt` where `folder` holds both files of a model, else None."""
     for ending in (".bin", ".txt"):
-        if all((folder / f"{name}{ending}").is_file() for name in ("cameras", "images")):
+        if all(os.path.isfile(folder / f"{name}{ending}") for name in ("cameras", "images")):
             return ending
     return None
 

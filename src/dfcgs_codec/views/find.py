@@ -37,7 +37,7 @@ def find_views(frame_paths: Sequence[Path]) -> Path | None:
     """
     for folder in _folders(frame_paths) if frame_paths else ():
         for name in FILES:
-            if (folder / name).is_file():
+            if os.path.isfile(folder / name):
                 return folder / name
         if colmap_ending(folder / _COLMAP):
             return folder / _COLMAP

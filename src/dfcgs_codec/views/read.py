@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from dfcgs_codec.arguments import AnyPath, path_of
@@ -36,7 +37,7 @@ def _of_colmap(folder: Path) -> tuple[ViewCamera, ...]:
 
 def _of_folder(folder: Path) -> Views:
     for path in (folder / name for name in FILES):
-        if path.is_file():
+        if os.path.isfile(path):
             return Views(_of_file(path), path)
     model = colmap_in(folder)
     if model is None:
