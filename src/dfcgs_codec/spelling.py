@@ -32,7 +32,6 @@ PYTHON = {
     "--steps uniform": "visibility=False",
     "--balance auto": "balance=True",
     "--exact off": "exact=False",
-    "--views none": "views=None",
 }
 #: not in the middle of a word or of a path
 _OPTION = r"(?<![\w./-])"

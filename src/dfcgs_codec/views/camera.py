@@ -17,8 +17,8 @@ Float64 = npt.NDArray[np.float64]
 MAX_SIDE = 1 << 20
 #: how far the product of a rotation with its transpose may be from the identity
 ORTHONORMAL = 1e-3
-#: world units and pixels beyond which squares and products are no longer safe
-_LARGEST = 1e15
+#: world units and pixels beyond which products are no longer safe
+LARGEST = 1e15
 
 
 def _rotation(matrix: Float64) -> Float64:
@@ -44,7 +44,7 @@ def _pose(value: object) -> Float64:
         raise refusal("world_to_camera", value, "a matrix (4, 4)") from None
     if matrix.shape != (4, 4):
         raise InputError(f"world_to_camera: found the shape {matrix.shape}, expected (4, 4)")
-    if not (np.abs(matrix) < _LARGEST).all():
+    if not (np.abs(matrix) < LARGEST).all():
         raise InputError("world_to_camera: found NaN, infinite or huge values, expected finite ones")
     if not np.array_equal(matrix[3], [0, 0, 0, 1]):
         raise InputError(f"world_to_camera: found the last row {matrix[3].tolist()}, expected [0, 0, 0, 1]")
@@ -82,8 +82,8 @@ class ViewCamera:
             object.__setattr__(self, name, side)
         for name in ("fx", "fy", "cx", "cy"):
             value = real(name, getattr(self, name))
-            low, kind = (0.0, "a finite number above 0") if name[0] == "f" else (-_LARGEST, "a finite number")
-            _check_number(name, value, low, _LARGEST, kind)
+            low, kind = (0.0, "a finite number above 0") if name[0] == "f" else (-LARGEST, "a finite number")
+            _check_number(name, value, low, LARGEST, kind)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "world_to_camera", _pose(self.world_to_camera))
 

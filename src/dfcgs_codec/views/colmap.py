@@ -6,6 +6,7 @@ What files announce is never allocated: they are read record by record, as far a
 
 from __future__ import annotations
 
+import math
 import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
@@ -44,6 +45,8 @@ _MODELS = (
 )
 _MODEL_OF = {name: (count, focals) for name, count, focals in _MODELS}
 _BYTES_OF_A_POINT = 24
+#: quaternions are of length 1, but for rounding; others may be normalised as well
+_SHORTEST = 1e-6
 _LONGEST_NAME = 1 << 12
 _LONGEST_LINE = 1 << 26
 
@@ -62,8 +65,8 @@ def _lens(model: str, width: object, height: object, parameters: tuple[float, ..
 
 def _pose(quaternion: tuple[float, ...], translation: tuple[float, ...]) -> Float64:
     """World to camera (4, 4), of w, x, y, z and a translation."""
-    length = float(np.linalg.norm(quaternion))
-    if not 0 < length < np.inf:
+    length = math.hypot(*quaternion)
+    if not _SHORTEST < length < 1 / _SHORTEST:
         raise InputError(f"found a quaternion of length {length:g}, expected 1")
     w, x, y, z = np.array(quaternion) / length
     rotation = [

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.arguments import real, refusal
 from dfcgs_codec.errors import InputError
+from dfcgs_codec.views.camera import LARGEST
 
 Float64 = npt.NDArray[np.float64]
 Record = Mapping[str, Any]
@@ -64,10 +65,10 @@ def record_of(value: object, names: Sequence[str]) -> Record:
 
 
 def finite(name: str, value: object) -> float:
-    """`value` as a float that is neither NaN nor infinite."""
+    """`value` as a float that is neither NaN nor infinite nor absurd."""
     number = real(name, value)
-    if not np.isfinite(number):
-        raise refusal(name, value, "a finite number")
+    if not abs(number) < LARGEST:
+        raise refusal(name, value, f"a finite number below {LARGEST:g}")
     return number
 
 

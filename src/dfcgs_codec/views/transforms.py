@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.views.camera import ViewCamera
+from dfcgs_codec.views.camera import LARGEST, ViewCamera
 from dfcgs_codec.views.fields import (
     Record,
     check_count,
@@ -53,7 +53,7 @@ def _square(name: str, value: object) -> Float64:
 
 def _above_0(name: str, value: object) -> float:
     number = finite(name, value)
-    if not number > 0:
+    if not number > 1 / LARGEST:
         raise InputError(f"{name}: found {number:g}, expected a number above 0")
     return number
 
