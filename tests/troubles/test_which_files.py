@@ -197,7 +197,7 @@ NOTHING = {
     "sog": (["a.sog"], ["PlayCanvas", "splat-transform a.sog a.ply"]),
     "ksplat": (["a.ksplat"], ["splat-transform a.ksplat a.ply"]),
     "checkpoints": (["chkpnt7000.pth"], ["checkpoint", "PLY"]),
-    "arrays": (["params.npz"], ["numpy arrays", "PLY"]),
+    "arrays": (["arrays.npz"], ["numpy arrays", "PLY"]),
     "a zip": (["frames.zip"], ["unzip frames.zip"]),
     "kinds in subfolders": (
         ["a/f_1.ply", "a/f_2.ply", "b/g.ply"],
