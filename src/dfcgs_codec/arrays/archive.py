@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 from typing import IO, Any, NamedTuple
 
 import numpy as np
@@ -61,15 +62,16 @@ class Member:
 
 @dataclass
 class Archive:
-    """The arrays of the .npz at `path` by name; other processes open it anew."""
+    """The arrays of the .npz at `path` by name; threads may read at once, other processes open it anew."""
 
     path: Path
     members: dict[str, Member]
     stamp: Stamp
     _streams: dict[str, IO[bytes]] = field(default_factory=dict, repr=False)
+    _lock: Lock = field(default_factory=Lock, repr=False)
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_streams": {}}
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Archive, (self.path, self.members, self.stamp)
 
     def check_unchanged(self) -> None:
         """InputError where the file is another than the one that was opened."""
@@ -100,7 +102,8 @@ class Archive:
             with self.path.open("rb") as file:
                 _read_into(file, member.start + offset, target)
         else:
-            _read_into(self._stream(member), member.start + offset, target)
+            with self._lock:
+                _read_into(self._stream(member), member.start + offset, target)
 
     def _stream(self, member: Member) -> IO[bytes]:
         """The unpacked bytes of an array, where the last read left them."""

@@ -6,6 +6,7 @@ import io
 import pickle
 import re
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -182,6 +183,17 @@ def test_other_processes_open_it_anew(tmp_path: Path, compressed: bool) -> None:
     source.read(2)
     copy: TimestepSource = pickle.loads(pickle.dumps(source))
     assert same_cloud(copy.read(1)[0], source.read(1)[0])
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_threads_read_at_once(tmp_path: Path, compressed: bool) -> None:
+    found = arrays(n=5000, timesteps=8)
+    source = open_params(saved(tmp_path, found, compressed=compressed))
+    order = np.random.default_rng(1).permutation(np.tile(np.arange(8), 3)).tolist()
+    with ThreadPoolExecutor(4) as threads:
+        read = list(threads.map(lambda index: source.read(index)[0], order))
+    expected = clouds(found)
+    assert all(same_cloud(cloud, expected[index]) for index, cloud in zip(order, read, strict=True))
 
 
 #: what is done to the arrays -> words of the refusal
