@@ -297,7 +297,7 @@ def _summary(report: EncodeReport, target: Path) -> str:
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.option("--quiet", "-q", is_flag=True, help="Print nothing but errors.")
 def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
-    """Encode FRAMES, a folder of PLYs or the files themselves, into the file OUTPUT (.dgs)."""
+    """Encode FRAMES, a folder of PLYs, the files themselves or a params.npz, into the file OUTPUT (.dgs)."""
     if not frames:
         raise click.UsageError(f"two arguments are needed: dfcgs encode {output} out.dgs")
     check_arguments(frames, str(output))

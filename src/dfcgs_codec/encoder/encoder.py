@@ -38,7 +38,7 @@ from dfcgs_codec.files import replace_when_whole
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.registry import installed
 from dfcgs_codec.ply import display_comments
-from dfcgs_codec.sequence import FolderSource, FrameSource, notes_of, sequence_sh_degree
+from dfcgs_codec.sequence import FrameSource, notes_of, sequence_sh_degree
 
 #: called with (frames done, frames in all)
 Progress = Callable[[int, int], None]
@@ -188,7 +188,7 @@ def _write(
 
 def _check_not_input(target: Path, source: FrameSource) -> None:
     """InputError where the output would take the place of a frame."""
-    for path in source.paths if isinstance(source, FolderSource) else ():
+    for path in getattr(source, "paths", ()):
         if target.exists() and target.samefile(path):
             raise InputError(f"{target} is one of the frames: name another output")
 
