@@ -44,7 +44,8 @@ Examples:
 
 def _options(values: dict[str, Any]) -> EncoderOptions:
     return EncoderOptions(
-        qp=values["quality"] if values["qp"] is None else values["qp"],
+        quality=values["quality"] if values["psnr"] is None else values["psnr"],
+        qp=values["qp"],
         bounds=values["bound"],
         gof_size=values["gof_size"],
         motion=values["motion"],
@@ -56,9 +57,7 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         latent_step=values["latent_step"],
         refinement=values["refinement"],
         visibility=values["steps"] == "visibility",
-        cover=values["cover"] == "auto",
         balance=values["balance"] == "auto",
-        steady=values["steady"],
         exact=values["exact"] == "auto",
         views=views_named(values["views"]),
         views_margin=values["views_margin"],
@@ -107,6 +106,8 @@ def _summary(report: EncodeReport, target: Path) -> str:
         f"{report.num_bytes} bytes, {report.num_bytes / count:.0f} per frame",
         f"{'error':10} {'max':>12} {'mean':>12}",
     ]
+    if report.estimated_psnr is not None:
+        lines.append(f"images: about {report.estimated_psnr:.1f} dB (estimated), at QP {report.qp:.1f}")
     for name, error in _errors(report).items():
         lines.append(f"{name:10} {error['max']:12.6g} {error['mean']:12.6g}  {error['unit']}")
     return "\n".join(lines)
@@ -115,9 +116,20 @@ def _summary(report: EncodeReport, target: Path) -> str:
 @click.command(epilog=_EPILOG)
 @click.argument("frames", nargs=-1, metavar="FRAMES...")
 @click.argument("output", type=click.Path(), callback=output_file)
-@click.option("--quality", type=click.Choice(list(QUALITIES)), default="medium", show_default=True)
 @click.option(
-    "--qp", type=float, help="Quantiser, 0 (finest) to 51; the step doubles every 6. Overrides --quality."
+    "--quality",
+    type=click.Choice(list(QUALITIES)),
+    default="medium",
+    show_default=True,
+    help="Quality of images: " + ", ".join(f"{name} {psnr:g} dB" for name, psnr in QUALITIES.items()) + ".",
+)
+@click.option(
+    "--psnr", type=float, metavar="DB", help="The same as a number: PSNR of images. Overrides --quality."
+)
+@click.option(
+    "--qp",
+    type=float,
+    help="Quantiser, 0 (finest) to 51; the step doubles every 6, whatever the quality. Overrides --psnr.",
 )
 @click.option(
     "--bound",
@@ -203,23 +215,11 @@ def _summary(report: EncodeReport, target: Path) -> str:
     help="Quantiser steps: coarser for Gaussians that show less, or one for all.",
 )
 @click.option(
-    "--cover",
-    type=click.Choice(["auto", "off"]),
-    default="auto",
-    show_default=True,
-    help="Whether what lies behind other Gaussians, from all sides, counts as showing less.",
-)
-@click.option(
     "--balance",
     type=click.Choice(["auto", "off"]),
     default="auto",
     show_default=True,
     help="Whether steps of attributes follow how much each shows in the first frame.",
-)
-@click.option(
-    "--steady",
-    is_flag=True,
-    help="Keep P-frames within about 1 dB of I-frames even where everything changes, at more bytes.",
 )
 @click.option(
     "--exact",
@@ -334,7 +334,8 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         _verify(output)
     if values["as_json"]:
         records = [vars(frame) for frame in report.frames]
-        result = {"num_bytes": report.num_bytes, "errors": _errors(report), "notes": [*told, *notes]}
+        result = {"num_bytes": report.num_bytes, "qp": report.qp, "estimated_psnr": report.estimated_psnr}
+        result |= {"num_unseen": report.num_unseen, "errors": _errors(report), "notes": [*told, *notes]}
         click.echo(json.dumps(result | {"verified": values["verify"], "frames": records}))
     elif not values["quiet"]:
         click.echo(_summary(report, output) + ("\nverified" if values["verify"] else ""))

@@ -57,7 +57,7 @@ class Quantised:
         """Some of them as they are, and by attribute with that one quantised."""
         planes = {attribute: plane[rows] for attribute, plane in self.planes.items()}
         splats = Splats(
-            planes[Attribute.POSITION].astype(np.float64) * 2.0**self.units.position,
+            (planes[Attribute.POSITION] + np.array(self.units.origin, np.float64)) * 2.0**self.units.position,
             rotation_matrices(planes[Attribute.ROTATION] / ONE),
             deviations(planes[Attribute.SCALE] * 2.0**self.units.scale),
             self._alpha(planes[Attribute.OPACITY]),

@@ -31,12 +31,11 @@ from dfcgs_codec.codec.visibility import (
 )
 from dfcgs_codec.encoder.analysis import Planes, ZeroBin, order_of, plan_grid
 from dfcgs_codec.encoder.canonical import AxisNames
-from dfcgs_codec.encoder.cover import cover_classes
 from dfcgs_codec.encoder.joint_quantisation import opacities_beside
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.trellis_search import AlternatingQuantiser, best_path
 from dfcgs_codec.transform.companding import thin_octaves
-from dfcgs_codec.transform.lod import build_levels
+from dfcgs_codec.transform.lod import LevelsOfDetail, build_levels
 from dfcgs_codec.transform.rotation import CELLS, ONE, STEREO_ONE, multiply, round_divide
 from dfcgs_codec.transform.trellis import takes_turns
 
@@ -56,6 +55,8 @@ _MOST_LONGER = 0.35
 #: positions are coarser by up to the octaves of this share of the Gaussians, and this many
 _COARSE_RANK = 0.98
 _MOST_COARSE = 4
+#: cover classes that a neighbour's may be off
+_NEAR = 0.9
 
 
 def nearest_by(alone: ZeroBin) -> Quantise:
@@ -72,6 +73,20 @@ def quantise_by(alone: ZeroBin, grading: Grading, attribute: Attribute) -> Quant
     if attribute in grading.alternating:
         return AlternatingQuantiser(alone).quantise
     return nearest_by(alone)
+
+
+def cover_classes(cover: Float64, lod: LevelsOfDetail) -> Int64:
+    """Classes (N,) of `cover` (N,) in canonical order: those of the neighbours where they are near enough.
+
+    An estimate so rough is not worth the bits of each rounding.
+    """
+    classes = np.rint(cover).astype(np.int64)
+    for level in lod.levels:
+        expected = (level.mean(classes) + 128) >> 8
+        wanted = cover[level.rows]
+        near = np.abs(wanted - expected) < _NEAR
+        classes[level.rows] = np.where(near, expected, np.rint(wanted).astype(np.int64))
+    return classes
 
 
 @dataclass(frozen=True)

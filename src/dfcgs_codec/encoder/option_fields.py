@@ -80,6 +80,13 @@ class NamedReal(OptionField[float, float | str]):
         return real(self._name, value, f"a number or one of {_quoted(self._names)}")
 
 
+class RealOrNone(OptionField[float | None, float | None]):
+    """A number; None leaves the choice to the encoder."""
+
+    def _convert(self, value: Any) -> float | None:
+        return None if value is None else real(self._name, value)
+
+
 class Whole(OptionField[int, int]):
     """A whole number."""
 
