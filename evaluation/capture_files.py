@@ -10,20 +10,14 @@ import numpy.typing as npt
 from evaluation.assets import find_asset
 from evaluation.render import Camera
 from training.captures import keep
-from training.scenes.catalogue import group
+from training.scenes.catalogue import scene as named_scene
 
 Float32 = npt.NDArray[np.float32]
 
 
-def is_capture(scene: str) -> bool:
-    """Whether a scene of that name is a capture of the evaluation: one whose images have no empty parts."""
-    return any(one.name == scene for one in group("captures"))
-
-
 def folder(scene: str) -> Path:
     """The folder of a capture; raises FileNotFoundError where it is not on this machine."""
-    (one,) = (one for one in group("captures") if one.name == scene)
-    return find_asset(one.asset).with_suffix("")
+    return find_asset(named_scene(scene).asset).with_suffix("")
 
 
 def cameras_file(scene: str) -> Path:

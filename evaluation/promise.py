@@ -9,7 +9,6 @@ and stand beside the rows without. Rows that a run does not touch stay as they w
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import sys
 import tempfile
 import time
@@ -21,24 +20,20 @@ from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence
 from dfcgs_codec.encoder.rate_control import QUALITIES
 from evaluation.assets import has_asset
 from evaluation.bench import known_results
-from evaluation.capture_files import cameras_file, is_capture
+from evaluation.capture_files import cameras_file
 from evaluation.measure import Rated, Subject
+from evaluation.points import takes_views
 from evaluation.quality import frame_quality, summary
 from evaluation.record import write_result
 from evaluation.sequences import materialise
 from evaluation.views import FEW, cameras
-from training.scenes.catalogue import Scene, group
+from training.scenes.catalogue import Scene, group, is_capture
 
 PRESETS = ("medium", "high", "transparent")
 _NUM_FRAMES, _RENDER_EVERY = 10, 3
 _GROUPS = ("evaluation", "captures", "long")
 
 Figures = dict[str, Any]
-
-
-def takes_views() -> bool:
-    """Whether the encoder can be told from where its frames are looked at."""
-    return "views" in {field.name for field in dataclasses.fields(EncoderOptions)}
 
 
 def subject_of(scene: Scene, num_frames: int) -> Subject:
@@ -88,7 +83,7 @@ def rate_scene(scene: Scene, presets: Arguments[str], num_frames: int, views: bo
     """Rows of a scene by preset."""
     subject = subject_of(scene, num_frames)
     with_views = views and is_capture(scene.name)
-    more = {"views": cameras_file(scene.name)} if with_views else {}
+    more: dict[str, Any] = {"views": cameras_file(scene.name)} if with_views else {}
     rows = {}
     for preset in presets:
         setting = f"{preset} --views" if with_views else preset

@@ -88,10 +88,27 @@ def frame_quality(
     every_pixel: bool = False,
 ) -> FrameQuality:
     """Compare a decoded frame with the images of its source."""
+    return compared(index, sources, [image(decoded, camera) for camera in cameras], every_pixel)
+
+
+def compared(
+    index: int, sources: list[Image], decoded: list[Image], every_pixel: bool = False
+) -> FrameQuality:
+    """Compare images of a frame with those of its source, view by view."""
     quality = FrameQuality(index, every_pixel)
-    for source, camera in zip(sources, cameras, strict=True):
-        quality.add(source, image(decoded, camera))
+    for source, seen in zip(sources, decoded, strict=True):
+        quality.add(source, seen)
     return quality
+
+
+def true_quality(true: dict[int, list[Float32]], seen: dict[int, list[Image]]) -> tuple[float | None, float]:
+    """PSNR over all pixels, and SSIM, of images by frame against true ones (H, W, 3), view by view."""
+    pool, ssims = Pool(), []
+    for index, images in true.items():
+        for expected, found in zip(images, seen[index], strict=True):
+            pool.add((expected - found.colour) ** 2)
+            ssims.append(float(ssim(expected, found.colour)))
+    return psnr(pool.mse), float(np.mean(ssims))
 
 
 def summary(frames: Iterable[FrameQuality]) -> dict[str, Any]:

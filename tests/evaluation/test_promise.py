@@ -16,14 +16,14 @@ from dfcgs_codec import EncoderOptions
 from dfcgs_codec.ply import write_ply
 from evaluation import measure, promise, record
 from evaluation.baselines.method import SequenceFacts, frame_path
-from evaluation.capture_files import cameras_file, is_capture, true_images
+from evaluation.capture_files import cameras_file, true_images
 from evaluation.measure import Rated, Subject
 from evaluation.render import orbit
 from evaluation.sequences import Sequence
 from evaluation.views import cameras
 from training.captures import keep
 from training.scenes import SceneOptions, trained_sequence
-from training.scenes.catalogue import group
+from training.scenes.catalogue import group, is_capture
 from training.scenes.stress import blob_cloud
 
 VIEWS = [orbit((0, 0, 0), 4.0, (angle, 20.0), (64, 48)) for angle in (0.0, 120.0)]
