@@ -58,7 +58,7 @@ def rate(subject: Subject, options: EncoderOptions) -> Figures:
     mean, worst = quality["psnr"], quality["psnr_worst_frame"]
     return {
         "psnr": mean,
-        "worst_below_mean": None if mean is None else mean - worst,
+        "worst_minus_mean": None if mean is None else worst - mean,
         "estimated_psnr": getattr(report, "estimated_psnr", None),
         "bytes_per_frame": report.num_bytes / len(frames),
         "encode_s_per_frame": seconds / len(frames),
@@ -73,7 +73,7 @@ def _line(name: str, setting: str, row: Figures) -> str:
     expected = row["estimated_psnr"]
     shown = "  -  (  -  )" if expected is None else f"{expected:5.2f} ({expected - row['psnr']:+5.2f})"
     return (
-        f"{name:24s} {setting:20s} {row['psnr']:6.2f} dB  worst {-row['worst_below_mean']:5.2f}  "
+        f"{name:24s} {setting:20s} {row['psnr']:6.2f} dB  worst {row['worst_minus_mean']:+5.2f}  "
         f"expected {shown}  {row['bytes_per_frame'] / 1000:8.1f} kB/frame  "
         f"{row['encode_s_per_frame']:6.2f} s/frame  {row['kinds']}"
     )

@@ -40,10 +40,10 @@ def subject(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Subject:
     return Subject(Sequence("blob", tmp_path, facts, "digest"), Rated((0, 2), (0, 1)))
 
 
-def test_a_row_says_how_far_the_worst_frame_is_below(subject: Subject) -> None:
+def test_a_row_says_how_far_below_the_worst_frame_is(subject: Subject) -> None:
     row = promise.rate(subject, EncoderOptions(qp="high"))
     assert set(row["psnr_by_frame"]) == {"0", "2"}
-    assert row["worst_below_mean"] == pytest.approx(row["psnr"] - min(row["psnr_by_frame"].values()))
+    assert row["worst_minus_mean"] == pytest.approx(min(row["psnr_by_frame"].values()) - row["psnr"])
     assert row["bytes_per_frame"] > 0
     assert len(row["kinds"]) == 3
 
