@@ -18,7 +18,7 @@ VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit
 
 .DEFAULT_GOAL := help
 .PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth bench-troubles drift stress allocation charts fitted captures
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts fitted captures
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -107,7 +107,7 @@ golden: $(STAMP) ## write the conformance streams (refuses to touch a released v
 
 bench: env-eval ## the comparison: all scenes, methods, settings (an hour and a half; resumes), then charts and tables
 	$(BIN)/python -m evaluation.bench
-	$(MAKE) drift stress charts
+	$(MAKE) bench-captures drift stress charts
 
 bench-full: env-eval ## the comparison from all 8 views, for a release
 	$(BIN)/python -m evaluation.bench --full
@@ -130,6 +130,12 @@ bench-prior: env-eval ## what the frozen prior of profile main is worth: bytes o
 
 bench-smooth: env-eval ## smooth scenes of 60 frames against quantised delta + zstd (an hour)
 	$(BIN)/python -m evaluation.long_smooth
+
+bench-captures: env-eval ## rooms seen from within: presets with and without cameras, uniform steps, delta + zstd (half an hour; resumes)
+	$(BIN)/python -m evaluation.captures
+
+bench-promise: env-eval ## are frames as good as the presets promise, and as the encoder says? (ten minutes)
+	$(BIN)/python -m evaluation.promise
 
 bench-intra: env-eval ## I-frames alone against SPZ, SOG and themselves without grading (half an hour)
 	$(BIN)/python -m evaluation.intra

@@ -1,4 +1,4 @@
-"""The comparison: every method at every setting on every evaluation scene.
+"""The comparison: every method at every setting on every evaluation scene that is an object.
 
     python -m evaluation.bench           20 frames (two scenes 60), every fifth rendered from 3 views
     python -m evaluation.bench --full    every fifth frame from all 8 views
@@ -7,7 +7,7 @@
 Figures land in `evaluation/results/bench.json` (`bench_full.json`, `bench_quick.json`) after every scene.
 What was measured before of the same input by the same code is taken from the cache under `out/bench`, so that
 a run that was interrupted goes on where it stopped. Methods and scenes that are not on this machine are
-skipped with a notice.
+skipped with a notice. `evaluation.captures` runs the same on captures.
 """
 
 from __future__ import annotations
@@ -15,31 +15,38 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from collections.abc import Sequence as Arguments
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from evaluation.assets import has_asset
+from evaluation.baselines.catalogue import METHODS
 from evaluation.baselines.method import MethodUnavailable
+from evaluation.capture_files import cameras_file
 from evaluation.measure import Rated, Subject, measure
-from evaluation.points import Point, baseline_points, codec_points
+from evaluation.points import CODEC_CURVES, Point, baseline_points, capture_points, codec_points
 from evaluation.record import RESULTS, write_result
 from evaluation.sequences import materialise
 from evaluation.views import ANGLES, FEW
-from training.scenes.catalogue import Scene, group
+from training.scenes.catalogue import Group, Scene, group, is_capture
 
 _RENDER_EVERY = 5
 
 
 @dataclass(frozen=True)
 class Plan:
-    """One kind of run. max_frames None: all frames of a scene; scenes and methods empty: all."""
+    """One kind of run. max_frames None: all frames of a scene; scenes and methods empty: all.
+
+    Captures are asked more than objects: `evaluation.points.capture_points`.
+    """
 
     result: str
     views: tuple[int, ...]
     max_frames: int | None = None
     scenes: tuple[str, ...] = ()
     methods: tuple[str, ...] = ()
+    group: Group = "evaluation"
 
 
 PLANS = {
@@ -52,12 +59,19 @@ PLANS = {
         ("playbot_sway_drift", "playbot_twist_semi", "knight_walk", "mage_fitted"),
         ("dfcgs", "delta_zstd", "spz"),
     ),
+    "captures": Plan(
+        "captures",
+        tuple(range(len(ANGLES))),
+        methods=("dfcgs", "dfcgs_uniform", "dfcgs_views", "delta_zstd"),
+        group="captures",
+    ),
 }
 
 
-def _scenes(plan: Plan, wanted: Arguments[str]) -> list[Scene]:
+def chosen_scenes(plan: Plan, wanted: Arguments[str]) -> list[Scene]:
+    """Those of a plan that are wanted (empty: all) and on this machine."""
     chosen = []
-    for scene in group("evaluation"):
+    for scene in group(plan.group):
         if (plan.scenes and scene.name not in plan.scenes) or (wanted and scene.name not in wanted):
             continue
         if has_asset(scene.asset):
@@ -67,13 +81,12 @@ def _scenes(plan: Plan, wanted: Arguments[str]) -> list[Scene]:
     return chosen
 
 
-def _points(plan: Plan, wanted: Arguments[str]) -> list[Point]:
-    points = [*codec_points(), *baseline_points()]
-    return [
-        p
-        for p in points
-        if (not plan.methods or p.method in plan.methods) and (not wanted or p.method in wanted)
-    ]
+def chosen_points(plan: Plan, wanted: Arguments[str], scene: Scene) -> list[Point]:
+    """Those of the wanted methods, or of the plan's, or all, on a scene."""
+    more = capture_points(cameras_file(scene.name)) if is_capture(scene.name) else []
+    methods = wanted or plan.methods
+    points = [*codec_points(), *more, *baseline_points()]
+    return [point for point in points if not methods or point.method in methods]
 
 
 def _line(point: Point, figures: dict[str, Any]) -> str:
@@ -91,12 +104,19 @@ def subject_of(scene: Scene, max_frames: int | None, views: tuple[int, ...]) -> 
     return Subject(sequence, Rated(tuple(range(0, sequence.facts.num_frames, _RENDER_EVERY)), views))
 
 
-def bench_scene(scene: Scene, plan: Plan, points: Arguments[Point]) -> dict[str, Any]:
-    """All points of a scene."""
+def bench_scene(
+    scene: Scene,
+    plan: Plan,
+    points: Arguments[Point],
+    keep: Callable[[dict[str, Any]], object] = lambda _: None,
+) -> dict[str, Any]:
+    """All points of a scene; `keep` is called with what there is after each."""
     subject = subject_of(scene, plan.max_frames, plan.views)
     sequence = subject.sequence
     print(scene.name, flush=True)
-    rows = []
+    facts = asdict(sequence.facts) | {"num_gaussians": max(sequence.facts.num_gaussians)}
+    found = {"facts": facts, "input_sha256": sequence.digest, "rendered_frames": subject.rated.frames}
+    rows: list[dict[str, Any]] = []
     for point in points:
         rated = subject if point.sample is None else subject_of(scene, point.sample, plan.views)
         figures = measure(rated, point)
@@ -104,9 +124,8 @@ def bench_scene(scene: Scene, plan: Plan, points: Arguments[Point]) -> dict[str,
         about = {"method": point.method, "label": point.label, "setting": point.setting}
         about |= {"preset": point.preset, "version": _version(point), "sample_frames": point.sample}
         rows.append(about | figures)
-    frames = subject.rated.frames
-    facts = asdict(sequence.facts) | {"num_gaussians": max(sequence.facts.num_gaussians)}
-    return {"facts": facts, "input_sha256": sequence.digest, "rendered_frames": frames, "points": rows}
+        keep(found | {"points": list(rows)})
+    return found | {"points": rows}
 
 
 def _version(point: Point) -> str:
@@ -130,10 +149,15 @@ def merged(old: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
     """
     if old is None or old["input_sha256"] != new["input_sha256"]:
         return new
-    order = list(dict.fromkeys(point.method for point in [*codec_points(), *baseline_points()]))
+    order = [*CODEC_CURVES, *METHODS]
     left = set(order) - {row["method"] for row in new["points"]}
     points = [*new["points"], *(row for row in old["points"] if row["method"] in left)]
     return new | {"points": sorted(points, key=lambda row: order.index(row["method"]))}
+
+
+def conditions(plan: Plan) -> dict[str, Any]:
+    """How a plan measures."""
+    return {"plan": asdict(plan), "render_every": _RENDER_EVERY, "cores": 2}
 
 
 def main(arguments: Arguments[str] | None = None) -> None:
@@ -148,11 +172,10 @@ def main(arguments: Arguments[str] | None = None) -> None:
     args = parser.parse_args(arguments)
     plan = PLANS[args.plan]
     results = known_results(plan.result)
-    conditions = {"plan": asdict(plan), "render_every": _RENDER_EVERY, "cores": 2}
-    for scene in _scenes(plan, args.scenes):
-        new = bench_scene(scene, plan, _points(plan, args.methods))
+    for scene in chosen_scenes(plan, args.scenes):
+        new = bench_scene(scene, plan, chosen_points(plan, args.methods, scene))
         results[scene.name] = merged(results.get(scene.name), new)
-        path = write_result(plan.result, conditions, results)
+        path = write_result(plan.result, conditions(plan), results)
     print(path)
 
 

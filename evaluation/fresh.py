@@ -20,6 +20,7 @@ class Run:
     seconds: float
     peak_mib: float
     message: str
+    output: str = ""
 
 
 def _resident(pid: int) -> int:
@@ -33,9 +34,9 @@ def _resident(pid: int) -> int:
 
 
 def run_fresh(command: list[str]) -> Run:
-    """Run a command to its end; `message` is the last line it printed on stderr."""
+    """Run a command to its end; `message` is the last line it printed on stderr, `output` all of stdout."""
     start = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     peak, ended = 0, threading.Event()
 
     def watch() -> None:
@@ -45,8 +46,9 @@ def run_fresh(command: list[str]) -> Run:
 
     watcher = threading.Thread(target=watch)
     watcher.start()
-    errors = process.communicate()[1].strip().splitlines()
+    output, messages = process.communicate()
+    errors = messages.strip().splitlines()
     seconds = time.perf_counter() - start
     ended.set()
     watcher.join()
-    return Run(process.returncode, seconds, round(peak / 2**20, 1), errors[-1] if errors else "")
+    return Run(process.returncode, seconds, round(peak / 2**20, 1), errors[-1] if errors else "", output)

@@ -17,11 +17,13 @@ from dfcgs_codec.ply import read_ply
 from evaluation.attribute_errors import attribute_errors
 from evaluation.baselines.__main__ import EXIT_REFUSED, EXIT_UNAVAILABLE
 from evaluation.baselines.method import MethodUnavailable, frame_path, frame_paths
+from evaluation.capture_files import true_images
 from evaluation.fresh import Run, run_fresh
 from evaluation.points import Point
-from evaluation.quality import Image, frame_quality, image, summary
+from evaluation.quality import Float32, Image, compared, image, summary, true_quality
 from evaluation.sequences import WORK, Sequence
 from evaluation.views import cameras
+from training.scenes.catalogue import is_capture
 
 _CACHE = WORK / "cache"
 #: a change of how things are measured, so that older figures are not taken for new ones
@@ -50,6 +52,14 @@ class Subject:
         return {
             index: [image(self.sequence.frame(index), view) for view in views] for index in self.rated.frames
         }
+
+    @cached_property
+    def true_images(self) -> dict[int, list[Float32]]:
+        """What a capture was fitted to, as seen from the views, by frame; nothing for other scenes."""
+        name, views = self.sequence.name, self.rated.views
+        if not is_capture(name):
+            return {}
+        return true_images(name, dict(zip(views, cameras(name, views), strict=True)), self.rated.frames)
 
 
 def _skipped(reason: str) -> dict[str, Any]:
@@ -81,14 +91,31 @@ def _bytes_by_kind(target: Path) -> dict[str, Any]:
     }
 
 
+def _expected(encode: Run) -> dict[str, Any]:
+    """The PSNR that our encoder expects, where its report has one."""
+    report = json.loads(encode.output)
+    return {"estimated_psnr": report["estimated_psnr"]} if "estimated_psnr" in report else {}
+
+
 def _quality(subject: Subject, decoded: Path) -> dict[str, Any]:
     views = cameras(subject.sequence.name, subject.rated.views)
     clouds = {index: read_ply(frame_path(decoded, index))[0] for index in subject.rated.frames}
-    rated = [
-        frame_quality(index, subject.source_images[index], cloud, views) for index, cloud in clouds.items()
-    ]
+    images = {index: [image(cloud, view) for view in views] for index, cloud in clouds.items()}
+    whole = is_capture(subject.sequence.name)
+    rated = [compared(index, subject.source_images[index], seen, whole) for index, seen in images.items()]
     last = subject.rated.frames[-1]
-    return summary(rated) | {"attributes": attribute_errors(subject.sequence.frame(last), clouds[last])}
+    errors = {"attributes": attribute_errors(subject.sequence.frame(last), clouds[last])}
+    return summary(rated) | _true_quality(subject, images) | errors
+
+
+def _true_quality(subject: Subject, decoded: dict[int, list[Image]]) -> dict[str, Any]:
+    """How near input and decoded frames of a capture are to the true images; nothing for other scenes."""
+    if not subject.true_images:
+        return {}
+    result: dict[str, Any] = {}
+    for name, images in (("input", subject.source_images), ("decoded", decoded)):
+        result[f"psnr_true_{name}"], result[f"ssim_true_{name}"] = true_quality(subject.true_images, images)
+    return result
 
 
 def _times(encode: Run, decode: Run, frames: int) -> dict[str, Any]:
@@ -122,7 +149,7 @@ def run_point(subject: Subject, point: Point, work: Path) -> dict[str, Any]:
         **_times(encode, decode, facts.num_frames),
         **_quality(subject, decoded),
     }
-    return result | (_bytes_by_kind(target) if point.is_ours else {})
+    return result | ({**_bytes_by_kind(target), **_expected(encode)} if point.is_ours else {})
 
 
 def _key(subject: Subject, point: Point) -> str:

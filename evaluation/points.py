@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
+from dfcgs_codec import EncoderOptions
 from dfcgs_codec.encoder.rate_control import QUALITIES
 from evaluation.baselines.catalogue import METHODS
 from evaluation.baselines.method import Method, SequenceFacts
@@ -24,6 +25,8 @@ CODEC_CURVES = {
     "dfcgs_gof10": ("dfcgs, GoF 10", ["--gof-size", "10"]),
     "dfcgs_intra": ("dfcgs, I-frames only", ["--gof-size", "1"]),
     "dfcgs_paper": ("dfcgs, profile paper", ["--profile", "paper"]),
+    "dfcgs_uniform": ("dfcgs, uniform steps", ["--steps", "uniform"]),
+    "dfcgs_views": ("dfcgs, told its cameras", []),
 }
 _PYTHON = sys.executable
 _FILE = "sequence.dgs"
@@ -70,7 +73,7 @@ def codec_point(method: str, setting: str, options: Command, preset: str | None 
     module = [_PYTHON, "-m", "dfcgs_codec"]
 
     def encode(frames: Path, target: Path) -> Command:
-        return [*module, "encode", str(frames), str(target / _FILE), "--quiet", *more, *options]
+        return [*module, "encode", str(frames), str(target / _FILE), "--quiet", "--json", *more, *options]
 
     def decode(target: Path, frames: Path) -> Command:
         return [*module, "decode", str(target / _FILE), str(frames), "--quiet", "--force"]
@@ -85,6 +88,23 @@ def codec_points() -> list[Point]:
     for method in ("dfcgs_still", "dfcgs_gof10", "dfcgs_intra", "dfcgs_paper"):
         points += [codec_point(method, f"qp{qp}", ["--qp", str(qp)]) for qp in _OTHER_QPS]
     return points
+
+
+def takes_views() -> bool:
+    """Whether the encoder can be told from where its frames are looked at."""
+    return "views" in {field.name for field in fields(EncoderOptions)}
+
+
+def capture_points(cameras: Path) -> list[Point]:
+    """What is asked of captures beside: steps that heed nothing, and presets told where the cameras stood."""
+    points = [codec_point("dfcgs_uniform", f"qp{qp}", ["--qp", str(qp)]) for qp in QUALITIES.values()]
+    if not takes_views():
+        return points
+    digest = hashlib.sha256(cameras.read_bytes()).hexdigest()[:16]
+    told = [
+        codec_point("dfcgs_views", name, ["--quality", name, "--views", str(cameras)]) for name in QUALITIES
+    ]
+    return points + [replace(point, version=lambda: f"{codec_version()} {digest}") for point in told]
 
 
 def _baseline_point(method: Method, setting: str) -> Point:

@@ -1,7 +1,8 @@
 """Identical-source quality: the decoded and the source Gaussians rendered from the same cameras.
 
 Squared errors are pooled over views and frames. The main figure counts pixels where either image has
-alpha > 1/255, so that empty background neither helps nor harms; the full-frame figure stands beside it.
+alpha > 1/255, so that empty background neither helps nor harms; the full-frame figure stands beside it, and
+is the main one of captures, which fill their images.
 Colours are clipped to [0, 1] first, as a display does; the background is black.
 """
 
@@ -62,9 +63,10 @@ class Pool:
 
 @dataclass
 class FrameQuality:
-    """One frame over all its views."""
+    """One frame over all its views; every_pixel: also where both images are empty."""
 
     index: int
+    every_pixel: bool = False
     visible: Pool = field(default_factory=Pool)
     full: Pool = field(default_factory=Pool)
     ssims: list[float] = field(default_factory=list)
@@ -73,18 +75,40 @@ class FrameQuality:
         """Compare one view."""
         squares = (source.colour - decoded.colour) ** 2
         self.full.add(squares)
-        self.visible.add(squares[(source.alpha > VISIBLE_ALPHA) | (decoded.alpha > VISIBLE_ALPHA)])
+        seen = (source.alpha > VISIBLE_ALPHA) | (decoded.alpha > VISIBLE_ALPHA)
+        self.visible.add(squares if self.every_pixel else squares[seen])
         self.ssims.append(float(ssim(source.colour, decoded.colour)))
 
 
 def frame_quality(
-    index: int, sources: list[Image], decoded: GaussianCloud, cameras: list[Camera]
+    index: int,
+    sources: list[Image],
+    decoded: GaussianCloud,
+    cameras: list[Camera],
+    every_pixel: bool = False,
 ) -> FrameQuality:
     """Compare a decoded frame with the images of its source."""
-    quality = FrameQuality(index)
-    for source, camera in zip(sources, cameras, strict=True):
-        quality.add(source, image(decoded, camera))
+    return compared(index, sources, [image(decoded, camera) for camera in cameras], every_pixel)
+
+
+def compared(
+    index: int, sources: list[Image], decoded: list[Image], every_pixel: bool = False
+) -> FrameQuality:
+    """Compare images of a frame with those of its source, view by view."""
+    quality = FrameQuality(index, every_pixel)
+    for source, seen in zip(sources, decoded, strict=True):
+        quality.add(source, seen)
     return quality
+
+
+def true_quality(true: dict[int, list[Float32]], seen: dict[int, list[Image]]) -> tuple[float | None, float]:
+    """PSNR over all pixels, and SSIM, of images by frame against true ones (H, W, 3), view by view."""
+    pool, ssims = Pool(), []
+    for index, images in true.items():
+        for expected, found in zip(images, seen[index], strict=True):
+            pool.add((expected - found.colour) ** 2)
+            ssims.append(float(ssim(expected, found.colour)))
+    return psnr(pool.mse), float(np.mean(ssims))
 
 
 def summary(frames: Iterable[FrameQuality]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from evaluation.record import RESULTS
+from training.scenes.catalogue import is_capture
 
 #: a PSNR that stands for equal images: nothing lossy comes near
 LOSSLESS_PSNR = 120.0
@@ -22,6 +23,14 @@ def results(name: str) -> dict[str, Any]:
 def has_results(name: str) -> bool:
     """Whether `results` would find it."""
     return (RESULTS / f"{name}.json").exists()
+
+
+def kinds(scenes: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """The scenes of each kind that there are, "objects" before "captures": averages are over one kind."""
+    found: dict[str, dict[str, Any]] = {"objects": {}, "captures": {}}
+    for name, scene in scenes.items():
+        found["captures" if is_capture(name) else "objects"][name] = scene
+    return {kind: members for kind, members in found.items() if members}
 
 
 def measured(rows: Iterable[Row]) -> list[Row]:

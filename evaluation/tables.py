@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from evaluation import intra_tables, paper_tables, prior_tables
+from evaluation import capture_tables, intra_tables, paper_tables, prior_tables
 from evaluation.bd import bd_delta, rate_at
 from evaluation.record import REPOSITORY
-from evaluation.results_file import curves, has_results, measured, results
+from evaluation.results_file import curves, has_results, kinds, measured, results
 
 PAGE = REPOSITORY / "docs" / "results.md"
 _OURS = "dfcgs (default)"
@@ -26,6 +26,17 @@ _PRESETS = ("low", "medium", "high", "transparent")
 def _table(head: list[str], rows: list[list[str]]) -> str:
     lines = ["| " + " | ".join(row) + " |" for row in [head, ["---"] * len(head), *rows]]
     return "\n".join(lines) + "\n"
+
+
+def _scenes() -> dict[str, Any]:
+    """Scenes of the comparison: objects, and captures where they were measured."""
+    return results("bench") | (results("captures") if has_results("captures") else {})
+
+
+def _by_kind(made: Callable[[dict[str, Any]], str]) -> str:
+    """A table of the objects and, where there are captures, one of them below."""
+    parts = [(kind, made(scenes)) for kind, scenes in kinds(_scenes()).items()]
+    return "\n".join(part if kind == "objects" else f"On captures:\n\n{part}" for kind, part in parts)
 
 
 def _decibel(psnr: float | None) -> str:
@@ -62,7 +73,7 @@ def _labels(scenes: dict[str, Any]) -> list[str]:
 
 def bd_table() -> str:
     """Every baseline on every scene."""
-    scenes = results("bench")
+    scenes = _scenes()
     labels = _labels(scenes)
     rows = [[name, *(against(scene, label) for label in labels)] for name, scene in scenes.items()]
     return _table(["scene", *labels], rows)
@@ -71,7 +82,7 @@ def bd_table() -> str:
 def refusal_table() -> str:
     """Why a method has no figure on a scene."""
     reasons: dict[tuple[str, str], list[str]] = {}
-    for name, scene in results("bench").items():
+    for name, scene in _scenes().items():
         for row in scene["points"]:
             if "bytes" not in row:
                 reason = row.get("skipped") or row.get("failed")
@@ -81,23 +92,29 @@ def refusal_table() -> str:
     return _table(["method", "reason", "scenes"], rows)
 
 
+def _preset_cell(row: dict[str, Any] | None) -> str:
+    if row is None:
+        return "-"
+    return f"{row['bytes_per_frame'] / 1000:.0f} kB, {_decibel(row['psnr'])} dB, {row['ssim']:.4f}"
+
+
 def preset_table() -> str:
     """Bytes and quality of the presets on every scene."""
     rows = []
-    for name, scene in results("bench").items():
+    for name, scene in _scenes().items():
         found = {r["preset"]: r for r in measured(scene["points"]) if r["preset"]}
-        cells = [
-            f"{found[p]['bytes_per_frame'] / 1000:.0f} kB, {found[p]['psnr']:.1f} dB, {found[p]['ssim']:.4f}"
-            for p in _PRESETS
-        ]
-        rows.append([name, *cells])
+        rows.append([name, *(_preset_cell(found.get(preset)) for preset in _PRESETS)])
     return _table(["scene", *(f"`{p}`" for p in _PRESETS)], rows)
 
 
 def speed_table() -> str:
     """Median seconds per frame and 100 k Gaussians, and the largest memory, by method."""
+    return _by_kind(_speeds)
+
+
+def _speeds(scenes: dict[str, Any]) -> str:
     found: dict[str, list[list[float]]] = {}
-    for scene in results("bench").values():
+    for scene in scenes.values():
         scale = 1e5 / scene["facts"]["num_gaussians"]
         for row in measured(scene["points"]):
             found.setdefault(row["label"], []).append(
@@ -166,10 +183,10 @@ def stress_table() -> str:
     return _table(["case", "outcome", "frames", "bytes", "bytes / all-intra", "PSNR, dB"], rows)
 
 
-def _differences(label: str, ours: str) -> tuple[int, list[float]]:
+def _differences(scenes: dict[str, Any], label: str, ours: str) -> tuple[int, list[float]]:
     """Scenes that a baseline codes, and logarithms of our bytes relative to its at equal PSNR."""
     logs, scene_count = [], 0
-    for scene in results("bench").values():
+    for scene in scenes.values():
         found = curves(scene["points"])
         if not found.get(label):
             continue
@@ -187,14 +204,18 @@ def _percent(logarithm: float) -> str:
 
 
 def averages() -> str:
-    """One line per baseline: mean difference over scenes, best and worst scene."""
+    """One line per baseline: mean difference over scenes, best and worst scene; of captures apart."""
+    return _by_kind(_averages)
+
+
+def _averages(scenes: dict[str, Any]) -> str:
     rows = []
-    for label in _labels(results("bench")):
-        if not any(curves(scene["points"]).get(label) for scene in results("bench").values()):
-            rows.append([label, str(len(results("bench"))), *["lossless"] * 4])
+    for label in _labels(scenes):
+        if not any(curves(scene["points"]).get(label) for scene in scenes.values()):
+            rows.append([label, str(len(scenes)), *["lossless"] * 4])
             continue
-        scene_count, logs = _differences(label, _OURS)
-        _, short_logs = _differences(label, _SHORT)
+        scene_count, logs = _differences(scenes, label, _OURS)
+        _, short_logs = _differences(scenes, label, _SHORT)
         if not logs:
             rows.append([label, str(scene_count), *["no overlap"] * 4])
             continue
@@ -235,8 +256,27 @@ def _control_points(scene: dict[str, Any]) -> str:
 
 def motion_table() -> str:
     """What motion saves: bytes at equal PSNR against the same without it."""
+    parts = [(kind, *_motion_rows(scenes)) for kind, scenes in kinds(_scenes()).items()]
+    many = sum(bool(files) for _, _, files, _ in parts) > 1
+    rows = []
+    for kind, found, files, inters in parts:
+        rows += found
+        if files:
+            name = f"mean of {kind}" if many else "mean"
+            rows.append([name, _mean_rate(files), "", _mean_rate(inters) if inters else "", ""])
+    head = [
+        "scene",
+        "whole file, bytes at equal PSNR",
+        "PSNR at equal bytes",
+        "P-frames, bytes at equal PSNR",
+    ]
+    return _table([*head, "control points"], rows)
+
+
+def _motion_rows(scenes: dict[str, Any]) -> tuple[list[list[str]], list[float], list[float]]:
+    """Rows of scenes, and their BD-rates of files and of P-frames."""
     rows, files, inters = [], [], []
-    for name, scene in results("bench").items():
+    for name, scene in scenes.items():
         found = curves(scene["points"])
         delta = bd_delta(found.get(_STILL, []), found.get(_OURS, []))
         if delta is None:
@@ -248,15 +288,7 @@ def motion_table() -> str:
             inters.append(inter.bd_rate)
         shown = "-" if inter is None else f"{inter.bd_rate:+.1f} %"
         rows.append([name, f"{delta.bd_rate:+.1f} %", psnr, shown, _control_points(scene)])
-    if files:
-        rows.append(["mean", _mean_rate(files), "", _mean_rate(inters) if inters else "", ""])
-    head = [
-        "scene",
-        "whole file, bytes at equal PSNR",
-        "PSNR at equal bytes",
-        "P-frames, bytes at equal PSNR",
-    ]
-    return _table([*head, "control points"], rows)
+    return rows, files, inters
 
 
 def _ablation_cell(inter: float | None, file: float | None) -> str:
@@ -392,6 +424,9 @@ TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "intra": ("intra", intra_tables.ratio_table),
     "intra lossless": ("intra", intra_tables.lossless_table),
     "quantised input": ("quantised_input", intra_tables.quantised_table),
+    "captures": ("captures", capture_tables.bytes_table),
+    "captures truth": ("captures", capture_tables.truth_table),
+    "promise": ("promise", capture_tables.promise_table),
     "surroundings": ("surroundings", intra_tables.surroundings_table),
     "refresh": ("refresh", intra_tables.refresh_table),
     "prior": ("prior", prior_tables.streams_table),

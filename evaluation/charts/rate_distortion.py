@@ -18,7 +18,7 @@ _COLUMNS = 3
 #: the PSNR at which rates are compared when scenes are averaged
 _ANCHOR_PSNR = 42.0
 _PSNRS = tuple(float(p) for p in range(28, 57, 2))
-#: an average over fewer scenes is not drawn
+#: an average over fewer scenes is not drawn, unless there are no more
 _FEWEST_SCENES = 3
 
 
@@ -80,7 +80,7 @@ def relative_rates(scenes: Scenes) -> dict[str, list[tuple[float, float, int]]]:
     for label in _methods(scenes):
         points = {n: curves(s["points"]).get(label, []) for n, s in scenes.items() if anchors[n]}
         points = {n: p for n, p in points.items() if rate_at(p, _ANCHOR_PSNR) is not None}
-        if len(points) < _FEWEST_SCENES:
+        if len(points) < min(_FEWEST_SCENES, len(scenes)):
             continue
         for psnr in _PSNRS:
             rates = [(rate_at(p, psnr), anchors[n]) for n, p in points.items()]
@@ -90,8 +90,8 @@ def relative_rates(scenes: Scenes) -> dict[str, list[tuple[float, float, int]]]:
     return found
 
 
-def averaged(scenes: Scenes) -> None:
-    """All scenes in one chart."""
+def averaged(scenes: Scenes, suffix: str = "") -> None:
+    """All scenes of a kind in one chart, `rate_distortion_average` with the suffix."""
     methods, data = _methods(scenes), relative_rates(scenes)
     figure = Figure(figsize=(7.5, 4.8))
     axes = figure.subplots()
@@ -102,4 +102,4 @@ def averaged(scenes: Scenes) -> None:
     axes.set_xlabel("bytes relative to dfcgs (default) at 42 dB, geometric mean over scenes")
     axes.set_ylabel("PSNR, dB")
     axes.legend(fontsize=8)
-    write_chart("rate_distortion_average", figure, data)
+    write_chart(f"rate_distortion_average{suffix}", figure, data)

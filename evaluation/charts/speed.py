@@ -150,8 +150,10 @@ def _panel(axes: Axes, points: dict[str, Row], direction: str) -> None:
     axes.set_xlabel(f"{direction} seconds per frame and 100 k Gaussians")
 
 
-def chart(scenes: Scenes) -> None:
-    """Encoding on the left, decoding on the right."""
+def chart(scenes: Scenes, suffix: str = "") -> None:
+    """Encoding on the left, decoding on the right, in `speed_accuracy` with the suffix."""
+    if not any(map(scene_points, scenes.values())):
+        return
     points = averaged(scenes)
     # our default curve at the stated rate is the preset itself
     points.pop(_DEFAULT, None)
@@ -161,4 +163,4 @@ def chart(scenes: Scenes) -> None:
         _panel(axes, points, direction)
     left.set_ylabel(f"PSNR, dB, at the bytes of `{STATED}` (hollow: at other bytes)")
     fronts = {d: pareto_front(points, d) for d in _DIRECTIONS}
-    write_chart("speed_accuracy", figure, {"points": points, "pareto": fronts})
+    write_chart(f"speed_accuracy{suffix}", figure, {"points": points, "pareto": fronts})

@@ -25,6 +25,8 @@ _LOOKS = {
     "dfcgs_still": ("#f0a070", "s", "-"),
     "dfcgs_intra": (OURS, "^", ":"),
     "dfcgs_paper": ("#a03000", "x", "--"),
+    "dfcgs_uniform": ("#f0a070", "v", ":"),
+    "dfcgs_views": ("#000000", "o", "-"),
     "delta_zstd": ("#0072b2", "o", "-"),
     "hevc": ("#009e73", "D", "-"),
     "spz": ("#cc79a7", "P", "-"),

@@ -18,6 +18,9 @@ from training.captures.rigs import evaluation_cameras, fitting_cameras
 from training.scenes import fitted_sequence
 from training.scenes.catalogue import Scene, group
 
+#: decibel to the truth between the cameras of a rig; rings around a room see most of it from few places
+LEAST_PSNR = {"forward": 27.0, "inside": 19.0}
+
 
 def beside(scene: Scene) -> Path:
     return find_asset(scene.asset).with_suffix("")
@@ -41,10 +44,11 @@ class TestCapture:
 
     def test_frames_are_like_the_true_images(self, scene: Scene) -> None:
         frames = list(fitted_sequence(find_asset(scene.asset)))[:: keep.EVERY]
+        kind = CAPTURES[beside(scene).name].rig.kind
         for index in (0, 5):
             camera = cameras(scene.name)[index]
             kept = keep.read_images(beside(scene), index, camera.height)
             assert len(kept) == len(frames)
             for frame, true in zip(frames, kept, strict=True):
                 error = image(frame, camera).colour - true / 255.0
-                assert -10.0 * np.log10((error**2).mean()) > 27.0
+                assert -10.0 * np.log10((error**2).mean()) > LEAST_PSNR[kind]

@@ -12,9 +12,11 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("bjontegaard")
 
 from evaluation import tables
+from evaluation.charts import __main__ as charts
 from evaluation.charts import bytes_chart, drift, rate_distortion, speed, style
 from evaluation.charts.speed import pareto_front
 from evaluation.results_file import curves
+from training.scenes.catalogue import group
 
 PRESETS = {"low": 30.0, "medium": 36.0, "high": 43.0, "transparent": 52.0}
 
@@ -81,6 +83,7 @@ def scene(scale: float = 1.0) -> dict[str, Any]:
     return {"facts": facts, "points": [*ours, *delta, *others]}
 
 
+CAPTURE = group("captures")[0].name
 SCENES = {name: scene(scale) for name, scale in (("a", 1.0), ("b", 3.0), ("c", 0.5))}
 
 
@@ -148,6 +151,53 @@ def test_the_same_figures_give_the_same_chart(tmp_path: Path, monkeypatch: pytes
         rate_distortion.averaged(SCENES)
         drawn.append((tmp_path / name / "rate_distortion_average.svg").read_bytes())
     assert drawn[0] == drawn[1]
+
+
+def test_captures_have_averages_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half the bytes on a capture: averages over objects stay as they are."""
+    cheap = scene()
+    for point in cheap["points"]:
+        if point["method"] == "dfcgs":
+            point["bytes_per_frame"] /= 2
+    found = {"bench": SCENES, "captures": {CAPTURE: cheap}}
+    monkeypatch.setattr(tables, "results", lambda name: found[name])
+    monkeypatch.setattr(tables, "has_results", lambda name: name in found)
+    lines = tables.averages().splitlines()
+    assert lines[2] == "| delta, GoF 10 | 3 | -47 % | -47 % | -47 % | - |"
+    below = lines[lines.index("On captures:") :]
+    assert below[4] == "| delta, GoF 10 | 1 | -74 % | -74 % | -74 % | - |"
+    means = [line for line in tables.motion_table().splitlines() if "mean" in line]
+    assert means == ["| mean of objects | -50.0 % |  |  |  |", "| mean of captures | -75.0 % |  |  |  |"]
+    assert tables.bd_table().splitlines()[-1].startswith(f"| {CAPTURE} |")
+    assert tables.speed_table().count("| SPZ |") == 2
+    monkeypatch.setattr(style, "CHARTS", tmp_path)
+    monkeypatch.setattr(charts, "results", lambda name: found[name])
+    monkeypatch.setattr(charts, "has_results", lambda name: name in found)
+    charts.main()
+    of_objects, of_capture = (
+        json.loads((tmp_path / f"rate_distortion_average{suffix}.json").read_text())
+        for suffix in ("", "_captures")
+    )
+    assert {points[2] for points in of_objects["delta, GoF 10"]} == {3}
+    at_42 = [
+        next(rate for rate, psnr, _ in data["delta, GoF 10"] if psnr == 42.0)
+        for data in (of_objects, of_capture)
+    ]
+    assert at_42 == [pytest.approx(1.9), pytest.approx(3.8)]
+    assert (tmp_path / "speed_accuracy_captures.svg").exists()
+
+
+def test_captures_that_were_not_measured_leave_no_trace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tables, "results", lambda name: {"bench": SCENES}[name])
+    monkeypatch.setattr(tables, "has_results", lambda name: name == "bench")
+    assert "captures" not in tables.averages() + tables.speed_table() + tables.motion_table()
+    partly = scene()
+    partly["points"] = [p for p in partly["points"] if p["method"] == "delta_zstd"]
+    monkeypatch.setattr(style, "CHARTS", tmp_path)
+    speed.chart({CAPTURE: partly}, "_captures")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -42,6 +42,14 @@ def test_psnr_counts_visible_pixels_only() -> None:
     assert figures["psnr_full_frame"] == pytest.approx(20.0 + 10 * np.log10(2), abs=1e-4)
 
 
+def test_every_pixel_of_a_capture_counts() -> None:
+    quality = FrameQuality(0, every_pixel=True)
+    quality.add(flat(0.0, 0.0), flat(0.0, 0.0))
+    quality.add(flat(0.0, 1.0), flat(0.1, 1.0))
+    figures = summary([quality])
+    assert figures["psnr"] == figures["psnr_full_frame"] == pytest.approx(20.0 + 10 * np.log10(2), abs=1e-4)
+
+
 def test_a_pixel_that_only_the_decoded_image_covers_counts() -> None:
     source, decoded = flat(0.0, 0.0), flat(0.5, 1.0)
     quality = FrameQuality(0)

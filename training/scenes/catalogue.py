@@ -105,6 +105,11 @@ def group(name: Group) -> list[Scene]:
     return [s for s in scenes().values() if s.group == name]
 
 
+def is_capture(name: str) -> bool:
+    """Whether `name` is a scene that fills the images of its views; one that is not in the list is none."""
+    return name in scenes() and scenes()[name].group in ("captures", "captures_training")
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
