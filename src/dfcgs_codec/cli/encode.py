@@ -334,7 +334,11 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         _verify(output)
     if values["as_json"]:
         records = [vars(frame) for frame in report.frames]
-        result = {"num_bytes": report.num_bytes, "qp": report.qp, "estimated_psnr": report.estimated_psnr}
+        result: dict[str, Any] = {
+            "num_bytes": report.num_bytes,
+            "qp": report.qp,
+            "estimated_psnr": report.estimated_psnr,
+        }
         result |= {"num_unseen": report.num_unseen, "errors": _errors(report), "notes": [*told, *notes]}
         click.echo(json.dumps(result | {"verified": values["verify"], "frames": records}))
     elif not values["quiet"]:

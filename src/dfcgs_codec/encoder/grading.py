@@ -35,7 +35,6 @@ from dfcgs_codec.encoder.joint_quantisation import opacities_beside
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.trellis_search import AlternatingQuantiser, best_path
 from dfcgs_codec.transform.companding import thin_octaves
-from dfcgs_codec.transform.lod import LevelsOfDetail, build_levels
 from dfcgs_codec.transform.rotation import CELLS, ONE, STEREO_ONE, multiply, round_divide
 from dfcgs_codec.transform.trellis import takes_turns
 
@@ -55,8 +54,6 @@ _MOST_LONGER = 0.35
 #: positions are coarser by up to the octaves of this share of the Gaussians, and this many
 _COARSE_RANK = 0.98
 _MOST_COARSE = 4
-#: cover classes that a neighbour's may be off
-_NEAR = 0.9
 
 
 def nearest_by(alone: ZeroBin) -> Quantise:
@@ -75,35 +72,20 @@ def quantise_by(alone: ZeroBin, grading: Grading, attribute: Attribute) -> Quant
     return nearest_by(alone)
 
 
-def cover_classes(cover: Float64, lod: LevelsOfDetail) -> Int64:
-    """Classes (N,) of `cover` (N,) in canonical order: those of the neighbours where they are near enough.
-
-    An estimate so rough is not worth the bits of each rounding.
-    """
-    classes = np.rint(cover).astype(np.int64)
-    for level in lod.levels:
-        expected = (level.mean(classes) + 128) >> 8
-        wanted = cover[level.rows]
-        near = np.abs(wanted - expected) < _NEAR
-        classes[level.rows] = np.where(near, expected, np.rint(wanted).astype(np.int64))
-    return classes
-
-
 @dataclass(frozen=True)
 class GradedPlan:
-    """How I-frames of a run are graded: `cover` (N,), not rounded, in input order; the header's fields."""
+    """How I-frames of a run are graded: `cover` classes (N,) in input order; the header's fields."""
 
-    cover: Float64
+    cover: Int64
     grading: Grading
 
     @staticmethod
-    def of(planes: Planes, cover: Float64, quantisation: Quantisation) -> GradedPlan:
+    def of(planes: Planes, cover: Int64, quantisation: Quantisation) -> GradedPlan:
         """From planes (N, C) under their final axis names and cover, both in input order."""
-        classes = np.rint(cover).astype(np.int64)
         axes = axes_of(planes[Attribute.SCALE], quantisation.units.scale)
         alpha = alpha_weights(planes[Attribute.OPACITY][:, 0], quantisation.units.opacity)
-        weights = IntraWeights(classes, axes, alpha)
-        of_cover = IntraWeights.of_cover(classes)
+        weights = IntraWeights(cover, axes, alpha)
+        of_cover = IntraWeights.of_cover(cover)
         known = {attribute: weights.of(attribute) for attribute in planes}
         known[Attribute.SCALE] = of_cover
         known[Attribute.OPACITY] = (IntraWeights.area(axes) >> 1) + of_cover
@@ -137,8 +119,7 @@ class GradedPlan:
         def turns(rotation: GradedRotation) -> ChooseTurns:
             return TurnChooser(planes[Attribute.ROTATION], rotation).choose
 
-        coarse = build_levels(indices >> self.grading.coarse_log2)
-        classes = cover_classes(self.cover[order], coarse)
+        classes = self.cover[order]
 
         def opacities(decoded: Int64) -> Int64:
             if Attribute.OPACITY in quantisation.bounded:

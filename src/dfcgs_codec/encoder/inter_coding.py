@@ -42,7 +42,6 @@ from dfcgs_codec.encoder.targets import ordered
 from dfcgs_codec.transform.rotation import round_divide
 
 Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 #: motion that seems to save less than this share of the bits is compared with none for real
 _SURE_SHARE = 0.15
@@ -122,7 +121,7 @@ class InterCoder:
             if succession.members.names is not None:
                 names = choose_axis_names(born)
                 born = names.rename(born)
-            cover = np.zeros(len(rows)) if frame.cover is None else frame.cover[rows]
+            cover = np.zeros(len(rows), np.int64) if frame.cover is None else frame.cover[rows]
             order, task = self._birth_task(born, cover)
             rows, target = rows[order], ordered(born, order)
             names = None if names is None else names.take(order)
@@ -132,7 +131,7 @@ class InterCoder:
         change = TopologyChange(succession.kept, succession.num_before, task, inputs)
         return Births(change, Members(rows, names), target)
 
-    def _birth_task(self, born: Planes, cover: Float64) -> tuple[Int64, IntraTask]:
+    def _birth_task(self, born: Planes, cover: Int64) -> tuple[Int64, IntraTask]:
         """Canonical order of Gaussians that come, `born` in the input's, and how they are coded.
 
         Graded as those of an I-frame are.

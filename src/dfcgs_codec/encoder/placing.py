@@ -44,14 +44,14 @@ class Placing:
     graded: GradedPlan | None
 
     @staticmethod
-    def of(planes: Planes, plan: SequencePlan, cover: Float64 | None = None) -> Placing:
-        """Those of an untracked frame, or of the first of a run; `cover` (N,): how little each shows."""
+    def of(planes: Planes, plan: SequencePlan, cover: Int64 | None = None) -> Placing:
+        """Those of an untracked frame, or of the first of a run; `cover` (N,): cover classes."""
         if plan.options.keep_axes:
             return Placing(None, None)
         names = choose_axis_names(planes)
         if not plan.is_graded:
             return Placing(names, None)
-        cover = np.zeros(len(planes[Attribute.POSITION])) if cover is None else cover
+        cover = np.zeros(len(planes[Attribute.POSITION]), np.int64) if cover is None else cover
         return Placing(names, GradedPlan.of(names.rename(planes), cover, plan.quantisation))
 
     def order(self, positions: Int64, plan: SequencePlan) -> tuple[Int64, SortGrid]:
@@ -65,19 +65,21 @@ class Placing:
 
 @dataclass(frozen=True)
 class Balance:
-    """Octaves by which steps of graded I-frames and of P-frames are to be coarser; `error`: mean squared error
-    of an I-frame's pixels, 0 where nothing could be seen."""
+    """Octaves by which steps of graded I-frames and of P-frames are to be coarser.
+
+    `error`: mean squared error of an I-frame's pixels, 0 where nothing could be seen.
+    """
 
     graded: dict[Attribute, float]
     inter: dict[Attribute, float]
     error: float
 
 
-def balance(plan: SequencePlan, planes: Planes, patches: Sequence[Patch], cover: Float64 | None) -> Balance:
+def balance(plan: SequencePlan, planes: Planes, patches: Sequence[Patch], cover: Int64 | None) -> Balance:
     """What `patches` show of Gaussians with the `planes` (N, C), quantised as `plan` has it."""
     placing = Placing.of(planes, plan, cover)
     planes = planes if placing.names is None else placing.names.rename(planes)
-    classes = None if placing.graded is None else np.rint(placing.graded.cover).astype(np.int64)
+    classes = None if placing.graded is None else placing.graded.cover
     state = FrameState({a: Plane(plane) for a, plane in planes.items()}, cover=classes)
     bounded, grading = plan.quantisation.bounded, None if placing.graded is None else placing.graded.grading
     intra = _in_intra_frames(state, plan, grading)

@@ -24,7 +24,7 @@ class SequencePlan:
     """Header, steps and options of a sequence; `anchors[i]` is the first frame of frame i's run.
 
     `qp`: the one that steps are from; `estimate`: the PSNR of images that they lead to, dB, where it could be
-    found. `region`: where viewers stand, if that is known, and by the first frame of a run what is `seen` of it.
+    found. `region`: where viewers stand, if that is known, and what is `seen` of a run, by its first frame.
     `comments` of the input's PLY files are kept.
     """
 

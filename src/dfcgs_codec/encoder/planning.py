@@ -1,4 +1,4 @@
-"""What is settled before the first frame is coded: grids, steps, who shows, and the QP of the quality asked for."""
+"""What is settled before the first frame is coded: grids, steps, who shows, the QP of a quality."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import LEVELS, MAX_CONTROL_POINTS, MODEL_HASH_BYTES, IntraKind, Profile
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
@@ -17,7 +18,6 @@ from dfcgs_codec.encoder.patches import patches_nearby
 from dfcgs_codec.encoder.placing import balance
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, expected_qp, plan_quantisation
-from dfcgs_codec.encoder.seen import Weights
 from dfcgs_codec.encoder.shown import ALL, Region, Seen
 from dfcgs_codec.encoder.splats import Splats
 from dfcgs_codec.encoder.targets import Targets
@@ -28,6 +28,8 @@ from dfcgs_codec.model.registry import installed
 from dfcgs_codec.ply import display_comments
 from dfcgs_codec.sequence import FrameSource, sequence_sh_degree
 
+Float64 = npt.NDArray[np.float64]
+
 #: a QP is near enough when the estimate is so near the quality asked for, dB
 _NEAR_ENOUGH = 0.25
 #: QPs that are tried
@@ -35,7 +37,7 @@ _MOST_TRIALS = 4
 #: images without cameras are estimated too low, dB: their pixels are as small as the details of the scene
 _NEARBY_BIAS = 1.0
 #: the share of the error that leaving out Gaussians may make
-_LEFT_OUT_SHARE = 0.2
+_LEFT_OUT_SHARE = 0.25
 #: a tracked run is looked at in every so many frames
 _EVERY = 12
 
@@ -145,6 +147,7 @@ class _Estimator:
         # who lies apart from all others has no say in how these are coded
         self._near = near if escapes is None else np.setdiff1d(near, escapes.rows)
         self._bias = _NEARBY_BIAS if region is None else 0.0
+        self._left_out = 0.0 if region is None else region.error
         if len(self._near):
             splats = Splats.of(cloud.take(self._near))
             with np.errstate(all="ignore"):
@@ -160,8 +163,9 @@ class _Estimator:
         planes = Targets(plan.header.unit_exponents.from_origin).planes(on_grid.take(self._near))
         cover = None if subject.seen.cover is None else subject.seen.cover[self._near]
         found = balance(plan, planes, self._patches, cover)
-        if found.error > 0.0:
-            plan = replace(plan, estimate=self._bias - 10.0 * float(np.log10(found.error)))
+        error = found.error + self._left_out
+        if error > 0.0:
+            plan = replace(plan, estimate=self._bias - 10.0 * float(np.log10(error)))
         if not subject.options.balance:
             return plan
         return replace(plan, quantisation=plan.quantisation.balanced(found.graded, found.inter))
@@ -192,7 +196,7 @@ def _sampled(subject: _Subject) -> Iterator[tuple[int, list[int]]]:
             yield first, sorted({*run[::_EVERY], run[-1]})
 
 
-def _weights(subject: _Subject, region: Region) -> dict[int, tuple[Splats, Weights]]:
+def _weights(subject: _Subject, region: Region) -> dict[int, tuple[Splats, Float64]]:
     """Of each run: its first frame, and what Gaussians add to images, in its frames the most."""
     found = {}
     for first, frames in _sampled(subject):
@@ -202,7 +206,7 @@ def _weights(subject: _Subject, region: Region) -> dict[int, tuple[Splats, Weigh
         for index in frames[1:]:
             cloud = subject.source.read(index)[0]
             if is_tracked(start, cloud):
-                weights |= region.later(index).weights(Splats.of(cloud))
+                weights = np.maximum(weights, region.later(index).weights(Splats.of(cloud)))
         found[first] = splats, weights
     if subject.first_frame not in found and subject.first.num_gaussians:
         splats = Splats.of(subject.first)
@@ -213,16 +217,11 @@ def _weights(subject: _Subject, region: Region) -> dict[int, tuple[Splats, Weigh
 def _seen_from(subject: _Subject, region: Region) -> tuple[Region, dict[int, Seen]]:
     """The region with the least weight of what is coded, and what of each run is seen."""
     weights = _weights(subject, region)
-    options = subject.options
-    if not options.keep_unseen:
-        psnr = options.quality
-        if options.qp is not None:
-            plan = _Estimator(subject, region).balanced(options.qp)
-            psnr = plan.estimate if plan.estimate is not None else psnr
-        first = weights[subject.first_frame]
-        error = _LEFT_OUT_SHARE * 10.0 ** (-psnr / 10.0)
-        region = region.leaving_out(*first, error)
-    return region, {index: region.seen(*found) for index, found in weights.items()}
+    options, psnr = subject.options, subject.options.quality
+    if options.qp is not None:
+        psnr = _Estimator(subject, region).balanced(options.qp).estimate or psnr
+    region = region.leaving_out(*weights[subject.first_frame], _LEFT_OUT_SHARE * 10.0 ** (-psnr / 10.0))
+    return region, {index: region.seen(found) for index, (_, found) in weights.items()}
 
 
 def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
@@ -231,7 +230,7 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     if options.views is None or not subject.first.num_gaussians:
         return _Estimator(subject, None).planned()
     positions = _finite(subject.first).positions.astype(np.float64)
-    region = Region.of(options.views, options.views_margin, positions)
+    region = Region.of(options.views, options.views_margin, positions, options.keep_unseen)
     region, seen = _seen_from(subject, region)
     subject = replace(subject, seen=seen[subject.first_frame])
     return replace(_Estimator(subject, region).planned(), region=region, seen=seen)

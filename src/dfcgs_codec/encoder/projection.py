@@ -25,8 +25,11 @@ _LONGEST = 1e3
 
 @dataclass(frozen=True)
 class Ellipses:
-    """Gaussians in an image: `middle` (N, 2) in pixels; variances `a`, `c` (N,) of x and of y, and `b` of both,
-    blurred; `depth` (N,), scene units; not `is_before` (N,) the camera: nowhere."""
+    """Gaussians in an image.
+
+    `middle` (N, 2) in pixels; variances `a`, `c` (N,) of x and of y, and `b` of both, blurred; `depth` (N,),
+    scene units; not `is_before` (N,) the camera: nowhere.
+    """
 
     middle: Float64
     a: Float64

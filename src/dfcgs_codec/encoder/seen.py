@@ -24,34 +24,20 @@ Int64 = npt.NDArray[np.int64]
 
 #: rays along the longer side of an image
 _RAYS = 48
-#: what few rays hit counts as much as so many rays would say of its opacity, size and light alone
-_TRUSTED_RAYS = 4.0
 
 
 @dataclass(frozen=True)
-class Weights:
-    """What each Gaussian adds to images, (N,) each, in pixels.
+class _Grid:
+    """Rays of an image: pixel of the `first` (2,), pixels from one to the next, columns and rows (2,)."""
 
-    `largest`: the sum over an image of what it adds, largest of all images; `squared`: the sum of squares,
-    mean over images.
-    """
-
-    largest: Float64
-    squared: Float64
-
-    def __or__(self, other: Weights) -> Weights:
-        """The larger ones of these and those."""
-        return Weights(np.maximum(self.largest, other.largest), np.maximum(self.squared, other.squared))
+    first: Float64
+    spacing: float
+    shape: Int64
 
 
-def _pairs(
-    ellipses: Ellipses, reach: Float64, grid: tuple[Float64, float, Int64]
-) -> tuple[Int64, Int64, Int64]:
-    """Gaussians and columns and rows of the rays that may hit them; `grid`: first ray, spacing, (columns, rows).
-
-    Gaussians ascend.
-    """
-    first, spacing, shape = grid
+def _pairs(ellipses: Ellipses, reach: Float64, grid: _Grid) -> tuple[Int64, Int64, Int64]:
+    """Gaussians, ascending, and columns and rows of the rays that may hit them."""
+    first, spacing, shape = grid.first, grid.spacing, grid.shape
     low = np.clip(np.ceil((ellipses.middle - reach - first) / spacing), 0, shape)
     high = np.clip(np.floor((ellipses.middle + reach - first) / spacing) + 1, 0, shape)
     low, high = np.nan_to_num(low).astype(np.int64), np.nan_to_num(high).astype(np.int64)
@@ -69,9 +55,10 @@ def _alphas(ellipses: Ellipses, alpha: Float64, owner: Int64, points: tuple[Floa
     half = 0.5 / (ellipses.a * ellipses.c - ellipses.b**2)
     a, b, c = ((k * half).astype(np.float32)[owner] for k in (ellipses.c, 2 * ellipses.b, ellipses.a))
     u, v = ((p - ellipses.middle[owner, i]).astype(np.float32) for i, p in enumerate(points))
-    found = alpha.astype(np.float32)[owner] * np.exp(-(a * u * u - b * u * v + c * v * v))
+    found: Float32 = alpha.astype(np.float32)[owner] * np.exp(-(a * u * u - b * u * v + c * v * v))
     found[~(found >= LEAST_ALPHA)] = 0.0
-    return np.minimum(found, np.float32(MOST_ALPHA), out=found)
+    np.minimum(found, np.float32(MOST_ALPHA), out=found)
+    return found
 
 
 def _light(ray: Int64, alphas: Float32) -> Float32:
@@ -85,66 +72,42 @@ def _light(ray: Int64, alphas: Float32) -> Float32:
     return light
 
 
-def _of_image(splats: Splats, camera: ViewCamera, near: float, offset: Float64) -> tuple[Float64, ...]:
-    """Of one image: what each Gaussian adds, squares, squares without what lies before, rays; (N,) each."""
+def _of_image(splats: Splats, camera: ViewCamera, near: float, offset: Float64) -> Float64:
+    """What each Gaussian adds to an image (N,), in pixels."""
     count = len(splats.alpha)
     ellipses = project(splats, camera, near)
-    order = np.argsort(ellipses.depth, kind="stable")
-    spacing = max(camera.width, camera.height) / _RAYS
-    shape = np.maximum(np.array([camera.width, camera.height]) // spacing, 1).astype(np.int64)
-    first = np.floor(offset * spacing) + 0.5
-    owner, columns, rows = _pairs(ellipses, ellipses.reach(splats.alpha), (first, spacing, shape))
-    alphas = _alphas(ellipses, splats.alpha, owner, (first[0] + columns * spacing, first[1] + rows * spacing))
+    sides = np.array([camera.width, camera.height])
+    spacing = max(1.0, float(sides.max()) / _RAYS)
+    grid = _Grid(np.floor(offset * spacing) + 0.5, spacing, np.maximum(sides // spacing, 1).astype(np.int64))
+    owner, columns, rows = _pairs(ellipses, ellipses.reach(splats.alpha), grid)
+    points = grid.first[0] + columns * spacing, grid.first[1] + rows * spacing
+    alphas = _alphas(ellipses, splats.alpha, owner, points)
     hit = np.flatnonzero(alphas)
-    owner, alphas = owner[hit], alphas[hit]
     rank = np.empty(count, np.int64)
-    rank[order] = np.arange(count)
-    ray = rows[hit] * shape[0] + columns[hit]
+    rank[np.argsort(ellipses.depth, kind="stable")] = np.arange(count)
+    ray, owner = rows[hit] * grid.shape[0] + columns[hit], owner[hit]
     pairs = np.argsort(ray * count + rank[owner])
-    owner, alphas = owner[pairs], alphas[pairs]
-    light = _light(ray[pairs], alphas)
-    pixels = spacing * spacing
-    added = alphas * light
-    return (
-        np.bincount(owner, added, count) * pixels,
-        np.bincount(owner, added * added, count) * pixels,
-        np.bincount(owner, alphas * alphas, count) * pixels,
-        np.bincount(owner, minlength=count).astype(np.float64),
-    )
+    alphas = alphas[hit][pairs]
+    added = alphas * _light(ray[pairs], alphas)
+    total = np.bincount(owner[pairs], added, count).astype(np.float64)
+    return total * (spacing * spacing)
 
 
-def weights_of(splats: Splats, cameras: Iterable[ViewCamera], near: float, seed: int = 0) -> Weights:
-    """Blending weights of Gaussians over the images of `cameras`.
+def largest_weights(splats: Splats, cameras: Iterable[ViewCamera], near: float, seed: int = 0) -> Float64:
+    """What each Gaussian adds to the images of `cameras` (N,), in pixels: the largest of all images.
 
     `near`: scene units; rays lie elsewhere for another `seed`.
     """
     random = np.random.default_rng(seed)
     views = [(camera, random.random(2)) for camera in cameras]
-    count = len(splats.alpha)
-    largest, squared, uncovered, rays, expected = (np.zeros(count) for _ in range(5))
+
+    # scales of +-80 leave the range of floats: these Gaussians are seen nowhere
+    @np.errstate(all="ignore")
+    def look(view: tuple[ViewCamera, Float64]) -> Float64:
+        return np.nan_to_num(_of_image(splats, view[0], near, view[1]))
+
+    largest = np.zeros(len(splats.alpha))
     with ThreadPoolExecutor(2) as beside:
-        # scales of +-80 leave the range of floats: these Gaussians are seen nowhere
-        def look(view: tuple[ViewCamera, Float64]) -> tuple[tuple[Float64, ...], Float64]:
-            with np.errstate(all="ignore"):
-                return _of_image(splats, view[0], near, view[1]), _uncovered(splats, view[0], near)
-
-        for (added, squares, alone, hits), area in beside.map(look, views):
+        for added in beside.map(look, views):
             np.maximum(largest, added, out=largest)
-            squared += squares
-            uncovered += alone
-            rays += hits
-            expected += area
-    light = np.divide(squared, uncovered, out=np.zeros(count), where=uncovered > 0.0)
-    trust = rays / (rays + _TRUSTED_RAYS)
-    squared = trust * squared + (1.0 - trust) * light * np.nan_to_num(expected)
-    return Weights(largest, squared / max(len(views), 1))
-
-
-def _uncovered(splats: Splats, camera: ViewCamera, near: float) -> Float64:
-    """The sum of squares (N,) that each Gaussian would add to an image if nothing lay before it, about."""
-    ellipses = project(splats, camera, near)
-    inside = ellipses.is_before & (ellipses.middle > 0.0).all(axis=1)
-    inside &= (ellipses.middle < np.array([camera.width, camera.height])).all(axis=1)
-    area = np.pi * np.sqrt(np.maximum(ellipses.a * ellipses.c - ellipses.b**2, 0.0))
-    most = float(camera.width * camera.height)
-    return np.where(inside, splats.alpha**2 * np.minimum(area, most), 0.0)
+    return largest

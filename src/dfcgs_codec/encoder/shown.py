@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.encoder.patches import Patch, patches_of_views
-from dfcgs_codec.encoder.seen import Weights, weights_of
+from dfcgs_codec.encoder.seen import largest_weights
 from dfcgs_codec.encoder.sensitivity import squared
 from dfcgs_codec.encoder.splats import Splats, extent
 from dfcgs_codec.encoder.triage import is_tracked
@@ -33,20 +33,18 @@ _MOST_PIXELS = 1600
 _NEAR, _NEAR_SHARE = 0.01, 1e-3
 #: in later frames of a run one of so many cameras is looked from
 _LATER = 4
-#: classes to an octave of what a Gaussian adds to images, squared, less than its size and opacity say
-_CLASSES_PER_OCTAVE = 1.0
-MOST_COVER = 10
+#: cover class of what shows nowhere and is kept all the same: the coarsest that helps
+_UNSEEN_COVER = 10
 #: halvings of the range in which the least weight is looked for
 _HALVINGS = 8
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What is coded of a frame: its `rows`, ascending, None: all; `cover` (rows,): how little each shows, in
-    classes, not rounded."""
+    """What is coded of a frame: its `rows`, ascending, None: all, and their `cover` classes, None: all 0."""
 
     rows: Int64 | None
-    cover: Float64 | None = None
+    cover: Int64 | None = None
     num_left_out: int = 0
 
     def of(self, cloud: GaussianCloud) -> GaussianCloud:
@@ -60,64 +58,55 @@ ALL = Seen(None)
 @dataclass(frozen=True)
 class Region:
     """Where viewers stand: `cameras` to look from, others to judge by; what is less than `near` scene units
-    before them is not drawn. Who adds less than `least` pixels to all images is left out, or none if it is
-    negative. `seed`: where rays lie."""
+    before them is not drawn. Who adds less than `least` pixels to all images is left out, which makes about
+    the mean squared `error`, or kept in coarse steps if `keeps_unseen`. `seed`: where rays lie."""
 
     cameras: Sequence[ViewCamera]
     judges: Sequence[ViewCamera]
     near: float
-    least: float = -1.0
+    least: float = 0.0
+    error: float = 0.0
+    keeps_unseen: bool = False
     seed: int = 0
 
     @staticmethod
-    def of(views: Views, margin: float, positions: Float64) -> Region:
+    def of(views: Views, margin: float, positions: Float64, keeps_unseen: bool) -> Region:
         """Among `views` and as far around as `margin` says; `positions` (N, 3) of the scene."""
         size = extent(positions)
         found = positions_between(views, _CAMERAS, margin=margin, scene_size=size)
         found = [camera.resized(_MOST_PIXELS) for camera in found]
         judges = found[_JUDGES - 1 :: _JUDGES] or found
         cameras = [camera for camera in found if camera not in judges] or found
-        return Region(cameras, judges, min(_NEAR, _NEAR_SHARE * size))
+        return Region(cameras, judges, min(_NEAR, _NEAR_SHARE * size), keeps_unseen=keeps_unseen)
 
-    def weights(self, splats: Splats) -> Weights:
+    def weights(self, splats: Splats) -> Float64:
         """What each Gaussian adds to the images of the cameras."""
-        return weights_of(splats, self.cameras, self.near, self.seed)
+        return largest_weights(splats, self.cameras, self.near, self.seed)
 
     def later(self, index: int) -> Region:
         """For later frames of a run: some of the cameras, others from frame to frame."""
         return replace(self, cameras=self.cameras[index % _LATER :: _LATER], seed=index)
 
-    def leaving_out(self, splats: Splats, weights: Weights, error: float) -> Region:
-        """Without Gaussians that together make a mean squared error of `error`, if seen in one frame."""
-        return replace(self, least=least_weight(splats, weights, self.patches(splats), error))
+    def leaving_out(self, splats: Splats, weights: Float64, error: float) -> Region:
+        """Without Gaussians that together make a mean squared error of `error` at most, seen in one frame."""
+        patches = self.patches(splats)
+        least = least_weight(splats, weights, patches, error)
+        left_out = error_without(splats, ~(weights > least), patches)
+        return replace(self, least=least, error=left_out)
 
     def patches(self, splats: Splats) -> list[Patch]:
         """Patches of the judges' images."""
         return patches_of_views(splats, self.judges, self.near)
 
-    def seen(self, splats: Splats, weights: Weights) -> Seen:
+    def seen(self, weights: Float64) -> Seen:
         """What is coded of a frame of such weights."""
-        shows = weights.largest > 0.0 if self.least <= 0.0 else weights.largest >= self.least
-        cover = cover_of(splats, weights)
-        if self.least < 0.0 or shows.all():
-            return Seen(None, cover)
-        if not shows.any():
-            shows[0] = True
+        shows = weights > 0.0 if self.least <= 0.0 else weights >= self.least
+        if shows.all() or not shows.any():
+            return ALL
+        if self.keeps_unseen:
+            return Seen(None, np.where(shows, 0, _UNSEEN_COVER))
         rows = np.flatnonzero(shows)
-        return Seen(rows, cover[rows], len(shows) - len(rows))
-
-
-def cover_of(splats: Splats, weights: Weights) -> Float64:
-    """How much less each Gaussian adds to images than its size and opacity say (N,), in classes, not rounded."""
-    _, middle, long = np.sort(splats.deviations, axis=1).T
-    with np.errstate(all="ignore"):
-        octaves = np.log2(splats.alpha**2 * middle * long) - np.log2(weights.squared)
-    found = np.isfinite(octaves)
-    if not found.any():
-        return np.zeros(len(octaves))
-    octaves[~found] = np.inf
-    least = np.quantile(octaves[found], 0.05)
-    return np.clip((octaves - least) * _CLASSES_PER_OCTAVE, 0.0, MOST_COVER)
+        return Seen(rows, None, len(shows) - len(rows))
 
 
 def error_without(splats: Splats, is_out: npt.NDArray[np.bool_], patches: Sequence[Patch]) -> float:
@@ -135,17 +124,17 @@ def error_without(splats: Splats, is_out: npt.NDArray[np.bool_], patches: Sequen
     return float(np.mean(errors)) if errors else 0.0
 
 
-def least_weight(splats: Splats, weights: Weights, patches: Sequence[Patch], error: float) -> float:
+def least_weight(splats: Splats, weights: Float64, patches: Sequence[Patch], error: float) -> float:
     """The largest weight below which Gaussians can be left out for a mean squared error of `error`."""
-    positive = weights.largest[weights.largest > 0.0]
+    positive = weights[weights > 0.0]
     if not len(positive):
         return 0.0
     low, high = np.log(float(positive.min())), np.log(float(positive.max()))
-    if error_without(splats, weights.largest <= 0.0, patches) > error:
+    if error_without(splats, weights <= 0.0, patches) > error:
         return 0.0
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        fits = error_without(splats, weights.largest < np.exp(middle), patches) <= error
+        fits = error_without(splats, weights < np.exp(middle), patches) <= error
         low, high = (middle, high) if fits else (low, middle)
     return float(np.exp(low))
 
@@ -167,7 +156,7 @@ class Shown:
         if first in self._seen and (index == first or is_tracked(self._first(first), cloud)):
             return self._seen[first]
         splats = Splats.of(cloud)
-        return self._region.seen(splats, self._region.weights(splats))
+        return self._region.seen(self._region.weights(splats))
 
     def _first(self, index: int) -> GaussianCloud:
         if self._start is None or self._start[0] != index:
