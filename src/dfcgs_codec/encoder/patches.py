@@ -84,7 +84,7 @@ class Patch:
         v = (place[1] - ellipses.middle[:, 1:]).astype(np.float32)
         power = (a * u * u)[:, :, None] + (c * v * v)[:, None, :]
         power -= (b * u)[:, :, None] * v[:, None, :]
-        alphas = np.exp(-power, out=power).reshape(len(u), -1)
+        alphas = np.exp(-power, out=power).reshape(len(u), _SIDE * _SIDE)
         alphas *= np.where(ellipses.is_before, splats.alpha, 0.0)[:, None].astype(np.float32)
         alphas[~(alphas >= LEAST_ALPHA)] = 0.0
         np.minimum(alphas, np.float32(MOST_ALPHA), out=alphas)
