@@ -22,7 +22,10 @@ _TURNS = np.array([[1, 0, 1, 0], [1, -1, 0, 0], [1, 0, 0, 0]], np.float32)
 
 
 def looking(
-    position: Sequence[float], target: Sequence[float], size: tuple[int, int] = (160, 120), focal: float = 100.0
+    position: Sequence[float],
+    target: Sequence[float],
+    size: tuple[int, int] = (160, 120),
+    focal: float = 100.0,
 ) -> ViewCamera:
     """A camera at `position` with `target` in the middle of its image."""
     there = np.array(position, float)
@@ -36,7 +39,9 @@ def looking(
     return ViewCamera(*size, focal, focal, size[0] / 2, size[1] / 2, pose)
 
 
-def gaussians(positions: npt.NDArray[np.floating], deviation: float, alpha: float, seed: int = 0) -> GaussianCloud:
+def gaussians(
+    positions: npt.NDArray[np.floating], deviation: float, alpha: float, seed: int = 0
+) -> GaussianCloud:
     """Coloured balls of that size and opacity at `positions` (N, 3)."""
     cloud = make_cloud(len(positions), 0, seed)
     return replace(

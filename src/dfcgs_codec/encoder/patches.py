@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from dfcgs_codec.encoder.projection import LEAST_ALPHA, MOST_ALPHA, project
 from dfcgs_codec.encoder.splats import Splats, extent, harmonics
-from dfcgs_codec.views.camera import ViewCamera
+from dfcgs_codec.views.camera import LARGEST, ViewCamera
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -176,6 +176,9 @@ def patches_nearby(splats: Splats) -> list[Patch]:
         away = _AWAY * _REACH * pixel
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = frame, -frame @ (positions[target] - away * direction)
+        # no camera stands where numbers do not suffice
+        if not np.abs(pose).max() < LARGEST:
+            continue
         sides, focal = _SIDE * _STRIDE, _AWAY * _REACH
         camera = ViewCamera(sides, sides, focal, focal, sides / 2, sides / 2, pose)
         for patch in _showing(splats.take(near), camera, 0.5 * away, np.zeros((1, 2))):

@@ -30,7 +30,9 @@ def test_a_lone_gaussian_adds_its_area(alpha: float) -> None:
 
 
 def test_what_is_not_in_the_image_adds_nothing() -> None:
-    aside, above, after, near = weights((40, 0, 0), (0, 30, 0), (0, 0, -9), (0, 0, -5 + NEAR / 2), deviation=0.01)
+    aside, above, after, near = weights(
+        (40, 0, 0), (0, 30, 0), (0, 0, -9), (0, 0, -5 + NEAR / 2), deviation=0.01
+    )
     assert (aside, above, after, near) == (0, 0, 0, 0)
 
 
