@@ -1,4 +1,4 @@
-"""A room of opaque walls with viewers in it: what stands in it shows, what stands behind its walls does not."""
+"""A room of opaque walls with viewers in it: what is inside shows, what is behind the walls does not."""
 
 from __future__ import annotations
 

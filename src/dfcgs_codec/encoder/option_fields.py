@@ -81,7 +81,7 @@ class NamedReal(OptionField[float, float | str]):
 
 
 class RealOrNone(OptionField[float | None, float | None]):
-    """A number; None leaves the choice to the encoder. `hint`: what is said to whoever gives another thing."""
+    """A number; None leaves the choice to the encoder. `hint`: what is said to whoever gives no number."""
 
     def __init__(self, default: float | None, hint: str) -> None:
         super().__init__(default)
