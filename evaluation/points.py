@@ -16,8 +16,8 @@ from evaluation.record import REPOSITORY
 
 #: QPs between and beyond the presets, so that curves reach what the others offer
 _MORE_QPS = (40,)
-#: QPs of the curves beside the default one
-_OTHER_QPS = tuple(QUALITIES[name] for name in ("high", "medium", "low"))
+#: QPs of a typical scene at `high`, `medium` and `low`: those of the curves beside the default one
+CURVE_QPS = (18, 28, 34)
 #: our curves: label and further options of `dfcgs encode`
 CODEC_CURVES = {
     "dfcgs": ("dfcgs (default)", []),
@@ -86,7 +86,7 @@ def codec_points() -> list[Point]:
     points = [codec_point("dfcgs", name, ["--quality", name], name) for name in QUALITIES]
     points += [codec_point("dfcgs", f"qp{qp}", ["--qp", str(qp)]) for qp in _MORE_QPS]
     for method in ("dfcgs_still", "dfcgs_gof10", "dfcgs_intra", "dfcgs_paper"):
-        points += [codec_point(method, f"qp{qp}", ["--qp", str(qp)]) for qp in _OTHER_QPS]
+        points += [codec_point(method, f"qp{qp}", ["--qp", str(qp)]) for qp in CURVE_QPS]
     return points
 
 
@@ -97,7 +97,7 @@ def takes_views() -> bool:
 
 def capture_points(cameras: Path) -> list[Point]:
     """What is asked of captures beside: steps that heed nothing, and presets told where the cameras stood."""
-    points = [codec_point("dfcgs_uniform", f"qp{qp}", ["--qp", str(qp)]) for qp in QUALITIES.values()]
+    points = [codec_point("dfcgs_uniform", f"qp{qp}", ["--qp", str(qp)]) for qp in (*CURVE_QPS, 8)]
     if not takes_views():
         return points
     digest = hashlib.sha256(cameras.read_bytes()).hexdigest()[:16]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.encoder.projection import LEAST_ALPHA, MOST_ALPHA, project
 from dfcgs_codec.encoder.splats import Splats, extent, harmonics
-from dfcgs_codec.views.camera import ViewCamera
+from dfcgs_codec.views.camera import LARGEST, ViewCamera
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -33,7 +33,7 @@ _LEAST_WEIGHT = 1.0 / 2048.0
 _NEARBY = 64
 _FEWEST_PIXELS, _MOST_PIXELS = 400.0, 20_000.0
 #: such pixels are as small as the details of the scene: errors are larger by so many dB than in images
-NEARBY_BIAS = 1.0
+NEARBY_BIAS = 0.7
 #: then what is looked at lies so far before and behind, in pixels, and the camera so many times as far away
 _REACH = 80.0
 _AWAY = 50.0
@@ -85,7 +85,7 @@ class Patch:
         v = (place[1] - ellipses.middle[:, 1:]).astype(np.float32)
         power = (a * u * u)[:, :, None] + (c * v * v)[:, None, :]
         power -= (b * u)[:, :, None] * v[:, None, :]
-        alphas = np.exp(-power, out=power).reshape(len(u), -1)
+        alphas = np.exp(-power, out=power).reshape(len(u), _SIDE * _SIDE)
         alphas *= np.where(ellipses.is_before, splats.alpha, 0.0)[:, None].astype(np.float32)
         alphas[~(alphas >= LEAST_ALPHA)] = 0.0
         np.minimum(alphas, np.float32(MOST_ALPHA), out=alphas)
@@ -206,5 +206,7 @@ def patches_nearby(scene: Surroundings, count: int = PATCHES, seed: int = 0) -> 
     found = []
     for index, target in enumerate(scene.targets(count, seed).tolist()):
         pixel = float(np.clip(scene.pixel(target), size / _MOST_PIXELS, size / _FEWEST_PIXELS))
-        found.append(scene.patch(target, _direction((index + seed) % count, count), pixel))
+        # no camera stands where numbers do not suffice
+        if np.abs(scene.positions[target]).max() + _AWAY * _REACH * pixel < LARGEST:
+            found.append(scene.patch(target, _direction((index + seed) % count, count), pixel))
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,8 @@ Int64 = npt.NDArray[np.int64]
 
 #: a QP is near enough when the estimate is so near the quality asked for, dB
 _NEAR_ENOUGH = 0.25
+#: estimates are about so uncertain, dB: so much more is aimed at, for a quality is a promise
+_MARGIN = 1.0
 #: QPs that are tried
 _MOST_TRIALS = 4
 #: the share of the error that leaving out Gaussians may make
@@ -202,18 +204,29 @@ class _Estimator:
     def planned(self) -> SequencePlan:
         """With the QP asked for, or the one that gives the quality asked for."""
         options = self._subject.options
-        qp = expected_qp(options.qp, options.quality)
-        plan = self.balanced(qp)
+        plan = self.balanced(expected_qp(options.qp, options.quality))
         if options.qp is not None:
             return plan
-        for _ in range(_MOST_TRIALS - 1):
-            if plan.estimate is None or abs(plan.estimate - options.quality) < _NEAR_ENOUGH:
-                break
-            better = float(np.clip(qp + (plan.estimate - options.quality), MIN_QP, MAX_QP))
-            if better == qp:
-                break
-            qp, plan = better, self.balanced(better)
+        tried: list[tuple[float, SequencePlan]] = []
+        while plan.estimate is not None:
+            tried.append((plan.estimate - options.quality - _MARGIN, plan))
+            error, nearest = min(tried, key=lambda trial: abs(trial[0]))
+            better = _better_qp([(more, trial.qp) for more, trial in tried])
+            if abs(error) < _NEAR_ENOUGH or len(tried) == _MOST_TRIALS or better == plan.qp:
+                return nearest
+            plan = self.balanced(better)
         return plan
+
+
+def _better_qp(tried: Sequence[tuple[float, float]]) -> float:
+    """The QP to try next; `tried`: by how many dB estimates are better than what is asked for, and QPs."""
+    finer = min((trial for trial in tried if trial[0] >= 0.0), default=None)
+    coarser = max((trial for trial in tried if trial[0] < 0.0), default=None)
+    if finer is not None and coarser is not None:
+        # a few Gaussians that swap places make steps in the curve: between the two it has to be
+        return float(np.interp(0.0, [coarser[0], finer[0]], [coarser[1], finer[1]]))
+    more, qp = min(tried, key=lambda trial: abs(trial[0]))
+    return float(np.clip(qp + more, MIN_QP, MAX_QP))
 
 
 def _sampled(subject: _Subject) -> Iterator[tuple[int, list[int]]]:
