@@ -102,6 +102,7 @@ class SegmentEncoder:
                 if loop.coded.kind == "I":
                     self._watch.begin(loop.target, loop.coded.state.frame, loop.grading)
                     segment.gofs.append(CodedGof(index))
+                segment.report.behind.append(self._watch.level)
                 segment.gofs[-1].frames.append(loop.coded.data)
                 if measured is not None:
                     measured.result()

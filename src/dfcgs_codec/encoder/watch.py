@@ -43,17 +43,21 @@ _LEAST_ERROR = 1e-9
 
 
 class Watch:
-    """Compares frames of a GoF with what its I-frame was."""
+    """Compares frames of a GoF with what its I-frame was.
+
+    `level`: by how many dB the last frames were worse than I-frames in their place.
+    """
 
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
         self._grading: Grading | None = None
         self._usual = 1.0
         self._before = self._now = np.zeros(3)
+        self.level = 0.0
 
     def begin(self, target: Planes, state: FrameState, grading: Grading | None) -> None:
         """A GoF begins: how far its I-frame is from what is expected of I-frames."""
-        self._grading = grading
+        self._grading, self.level = grading, 0.0
         if grading is None:
             return
         decoded, expected = self._errors(target, state, _OF_INTRA, 0)
@@ -64,6 +68,7 @@ class Watch:
     def go_on(self) -> None:
         """The frame that was looked at is kept."""
         self._before = _REMEMBERED * self._before + self._now
+        self.level = self._decibels(self._before)
 
     def behind(self, target: Planes, state: FrameState, index: int) -> float:
         """By how many dB a frame is worse than an I-frame in its place."""
