@@ -130,8 +130,8 @@ class EncodeReport:
     `held_frames`: P-frames whose profile kept what changed in the input besides position and rotation;
     `num_escapes`: values that the grids do not hold, in `escaped_frames`; `qp` that was chosen;
     `estimated_psnr` of images, dB, None where nothing can be said; `num_unseen`: Gaussians of the first frame
-    that show from none of the cameras and are left out, None without cameras. `behind`: by how many dB each frame seems worse than an I-frame in its
-    place.
+    that show from none of the cameras and are left out, None without cameras; `behind`: by how many dB each
+    frame seems worse than an I-frame in its place.
     """
 
     frames: list[FrameRecord] = field(default_factory=list)
