@@ -57,6 +57,11 @@ class Quantised:
         """Some of them as they are."""
         return self._splats({attribute: plane[rows] for attribute, plane in self.planes.items()})
 
+    def shapes(self, rows: Int64) -> Splats:
+        """The same without colours."""
+        planes = {a: self.planes[a][rows] for a in self.planes if a < Attribute.SH_DC}
+        return self._splats(planes)
+
     def draw(self, rows: Int64) -> tuple[Splats, dict[Attribute, Splats]]:
         """Some of them as they are, and by attribute with that one quantised."""
         planes = {attribute: plane[rows] for attribute, plane in self.planes.items()}
@@ -143,7 +148,10 @@ class Quantised:
         return alpha_of(expand(values[:, 0], self.units.opacity) * 2.0**self.units.opacity)
 
     def _colours(self, planes: Mapping[Attribute, npt.NDArray[np.number]]) -> Float64:
-        joined = np.concatenate([planes[a] for a in sorted(planes) if a >= Attribute.SH_DC], axis=1)
+        of_colour = [planes[a] for a in sorted(planes) if a >= Attribute.SH_DC]
+        if not of_colour:
+            return np.zeros((len(planes[Attribute.POSITION]), 3, 0))
+        joined = np.concatenate(of_colour, axis=1)
         return joined.reshape(len(joined), -1, 3).transpose(0, 2, 1) * 2.0**self.units.color
 
 

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.encoder.projection import LEAST_ALPHA, MOST_ALPHA, project
-from dfcgs_codec.encoder.splats import Splats, extent, harmonics
+from dfcgs_codec.encoder.splats import Splats, extent, harmonics, turned
 from dfcgs_codec.views.camera import LARGEST, ViewCamera
 
 Float32 = npt.NDArray[np.float32]
@@ -42,6 +43,13 @@ _REACHED = 3.4
 _GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
 
 
+def in_order(alphas: Float32, order: Int64) -> Float32:
+    """What Gaussians of `alphas` (n, pixels) add to pixels, (n, pixels), drawn in that order: of the rows."""
+    weights = alphas[order]
+    weights[1:] *= np.cumprod(1 - weights[:-1], axis=0)
+    return weights
+
+
 @dataclass(frozen=True)
 class Drawing:
     """A patch before it is blended: opacities (n, pixels), shades (n, 3) and depth (n,) of its Gaussians."""
@@ -50,16 +58,10 @@ class Drawing:
     shades: Float32
     depth: Float64
 
-    def weights(self, order: Int64) -> Float32:
-        """What Gaussians add to pixels, (n, pixels), drawn in that order, which is that of the rows."""
-        weights = self.alphas[order]
-        weights[1:] *= np.cumprod(1 - weights[:-1], axis=0)
-        return weights
-
     def image(self, order: Int64 | None = None) -> Float32:
         """Pixels (pixels, 3) as a display shows them; the order by depth if none is given."""
         order = np.argsort(self.depth, kind="stable") if order is None else order
-        image: Float32 = np.clip(self.weights(order).T @ self.shades[order], 0.0, 1.0)
+        image: Float32 = np.clip(in_order(self.alphas, order).T @ self.shades[order], 0.0, 1.0)
         return image
 
 
@@ -77,6 +79,11 @@ class Patch:
 
     def draw(self, splats: Splats) -> Drawing:
         """The Gaussians of the patch."""
+        alphas, depth = self.alphas(splats)
+        return Drawing(alphas, self._shades(splats), depth)
+
+    def alphas(self, splats: Splats) -> tuple[Float32, Float64]:
+        """Opacity of each Gaussian at each pixel, (n, pixels), and how far away it is, (n,)."""
         ellipses = project(splats, self.camera, self.near)
         half = 0.5 / (ellipses.a * ellipses.c - ellipses.b**2)
         a, b, c = ((k * half)[:, None].astype(np.float32) for k in (ellipses.c, 2 * ellipses.b, ellipses.a))
@@ -89,7 +96,7 @@ class Patch:
         alphas *= np.where(ellipses.is_before, splats.alpha, 0.0)[:, None].astype(np.float32)
         alphas[~(alphas >= LEAST_ALPHA)] = 0.0
         np.minimum(alphas, np.float32(MOST_ALPHA), out=alphas)
-        return Drawing(alphas, self._shades(splats), ellipses.depth)
+        return alphas, ellipses.depth
 
     def _shades(self, splats: Splats) -> Float32:
         """Colours (n, 3) as they are seen from there."""
@@ -110,9 +117,9 @@ def _showing(splats: Splats, camera: ViewCamera, near: float, corners: Float64) 
         end = corner + _SIDE * _STRIDE
         rows = np.flatnonzero((high > corner).all(axis=1) & (low < end).all(axis=1))
         patch = Patch(camera, corner, near, rows)
-        drawing = patch.draw(splats.take(rows))
-        order = np.argsort(drawing.depth, kind="stable")
-        most = drawing.weights(order).max(axis=1, initial=0.0)
+        alphas, depth = patch.alphas(splats.take(rows))
+        order = np.argsort(depth, kind="stable")
+        most = in_order(alphas, order).max(axis=1, initial=0.0)
         shown = np.argsort(-most, kind="stable")[:_MOST_GAUSSIANS]
         rows = rows[np.sort(order[shown[most[shown] > _LEAST_WEIGHT]])]
         yield Patch(camera, corner, near, rows)
@@ -146,14 +153,19 @@ class Surroundings:
     """What patches without cameras are chosen from.
 
     `positions` (N, 3), scene units; `widths` and `longest` (N,), deviations: geometric mean of the two longer
-    axes, and the longest; `alpha` (N,); `draw` gives the Gaussians of some rows.
+    axes, and the longest; `alpha` (N,); `shapes` gives the Gaussians of some rows, their colours or none.
     """
 
     positions: Float64
     widths: Float64
     longest: Float64
     alpha: Float64
-    draw: Callable[[Int64], Splats]
+    shapes: Callable[[Int64], Splats]
+
+    @cached_property
+    def _columns(self) -> Float64:
+        """Positions (3, N), coordinate by coordinate."""
+        return np.ascontiguousarray(self.positions.T)
 
     @staticmethod
     def of(splats: Splats) -> Surroundings:
@@ -172,7 +184,8 @@ class Surroundings:
 
     def pixel(self, target: int) -> float:
         """How wide pixels are about a Gaussian, scene units: as the Gaussians nearby, their median."""
-        distances = ((self.positions - self.positions[target]) ** 2).sum(axis=1)
+        x, y, z = self._columns - self._columns[:, [target]]
+        distances = x * x + y * y + z * z
         nearby = min(_NEARBY, len(distances))
         return float(np.median(self.widths[np.argpartition(distances, nearby - 1)[:nearby]]))
 
@@ -182,14 +195,14 @@ class Surroundings:
         across /= np.linalg.norm(across)
         frame = np.stack([across, np.cross(direction, across), direction])
         middle, away = self.positions[target], _AWAY * _REACH * pixel
-        local = np.abs((self.positions - middle) @ frame.T)
+        u, v, depth = np.abs(turned(self._columns - middle[:, None], frame))
         tube = _REACHED * self.longest + _SIDE * _STRIDE * pixel
-        near = np.flatnonzero((local[:, 2] < _REACH * pixel) & (local[:, :2] < tube[:, None]).all(axis=1))
+        near = np.flatnonzero((depth < _REACH * pixel) & (u < tube) & (v < tube))
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = frame, -frame @ (middle - away * direction)
         sides, focal = _SIDE * _STRIDE, _AWAY * _REACH
         camera = ViewCamera(sides, sides, focal, focal, sides / 2, sides / 2, pose)
-        (found,) = _showing(self.draw(near), camera, 0.5 * away, np.zeros((1, 2)))
+        (found,) = _showing(self.shapes(near), camera, 0.5 * away, np.zeros((1, 2)))
         return Patch(camera, found.corner, found.near, near[found.rows])
 
 

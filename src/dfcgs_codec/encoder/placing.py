@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -67,13 +67,9 @@ class Placing:
 
 @dataclass(frozen=True)
 class Balance:
-    """Octaves by which steps of graded I-frames and of P-frames are to be coarser.
+    """Errors of the pixels of I-frames by attribute; `error` of all in the frames that show, 0: in none."""
 
-    `error`: mean squared error of an I-frame's pixels, 0 where nothing could be seen.
-    """
-
-    graded: dict[Attribute, float]
-    inter: dict[Attribute, float]
+    errors: dict[Attribute, ImageError]
     error: float
 
 
@@ -108,30 +104,43 @@ def _together(looks: Sequence[dict[Attribute, ImageError]]) -> tuple[dict[Attrib
     return mean, sum(shown) / max(len(shown), 1)
 
 
-def balance(plan: SequencePlan, looks: Sequence[Look]) -> Balance:
-    """What patches show of frames that are quantised as `plan` has it."""
+def _looked(
+    looks: Sequence[Look], drawn: Sequence[Quantised], scales: Sequence[Mapping[Attribute, float]]
+) -> Balance:
+    found = []
+    for look, quantised, scale in zip(looks, drawn, scales, strict=True):
+        errors = image_errors(look.patches, quantised.draw)
+        found.append({a: error.scaled(scale.get(a, 1.0)) for a, error in errors.items()})
+    return Balance(*_together(found))
+
+
+def intra_errors(plan: SequencePlan, looks: Sequence[Look]) -> Balance:
+    """What patches show of frames that are quantised as I-frames of `plan` are."""
     placed = [look.placed(plan) for look in looks]
-    intra = [_in_intra_frames(state, plan, grading) for state, grading in placed]
-    found = [image_errors(look.patches, drawn.draw) for look, drawn in zip(looks, intra, strict=True)]
-    for errors, (_, grading) in zip(found, placed, strict=True):
-        for attribute in errors.keys() & (frozenset() if grading is None else grading.alternating):
-            errors[attribute] = errors[attribute].scaled(ALTERNATING_ERROR)
-    errors, error = _together(found)
-    bounded = plan.quantisation.bounded
+    scales = [
+        {} if grading is None else dict.fromkeys(grading.alternating, ALTERNATING_ERROR)
+        for _, grading in placed
+    ]
+    drawn = [_in_intra_frames(state, plan, grading) for state, grading in placed]
+    return _looked(looks, drawn, scales)
+
+
+def balanced_plan(plan: SequencePlan, looks: Sequence[Look], intra: Balance) -> SequencePlan:
+    """With steps in proportion to what they show; `intra`: errors of its I-frames."""
     if not plan.is_graded:
-        return Balance({}, {}, error)
-    graded = balanced_octaves(errors, intra[0], bounded)
-    if plan.header.num_frames < 2:
-        return Balance(graded, {}, error)
-    limit = _INTER_ERROR * total_error(errors, {})
-    inter = [_in_inter_frames(state, plan) for state, _ in placed]
-    errors, _ = _together(
-        [image_errors(look.patches, drawn.draw) for look, drawn in zip(looks, inter, strict=True)]
-    )
-    shares = {Attribute.POSITION: _INTER_POSITION}
-    counted = {a: e.scaled(shares.get(a, 1.0)) for a, e in errors.items()}
-    octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, inter[0], bounded).items()}
-    return Balance(graded, no_worse(octaves, errors, limit), error)
+        return plan
+    bounded = plan.quantisation.bounded
+    state, grading = looks[0].placed(plan)
+    graded = balanced_octaves(intra.errors, _in_intra_frames(state, plan, grading), bounded)
+    octaves: dict[Attribute, float] = {}
+    if plan.header.num_frames > 1:
+        drawn = [_in_inter_frames(look.placed(plan)[0], plan) for look in looks]
+        inter = _looked(looks, drawn, [{}] * len(looks))
+        shares = {Attribute.POSITION: _INTER_POSITION}
+        counted = {a: error.scaled(shares.get(a, 1.0)) for a, error in inter.errors.items()}
+        octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, drawn[0], bounded).items()}
+        octaves = no_worse(octaves, inter.errors, _INTER_ERROR * total_error(intra.errors, {}))
+    return replace(plan, quantisation=plan.quantisation.balanced(graded, octaves))
 
 
 def _wide(state: FrameState) -> dict[Attribute, Int64]:

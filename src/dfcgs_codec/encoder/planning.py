@@ -15,11 +15,11 @@ from dfcgs_codec.encoder.lattice import keep_exactly
 from dfcgs_codec.encoder.off_grid import Grids
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.patches import NEARBY_BIAS, PATCHES, Patch, Surroundings, patches_nearby
-from dfcgs_codec.encoder.placing import Look, balance
+from dfcgs_codec.encoder.placing import Balance, Look, balanced_plan, intra_errors
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, expected_qp, plan_quantisation
 from dfcgs_codec.encoder.shown import ALL, Region, Seen
-from dfcgs_codec.encoder.splats import Splats
+from dfcgs_codec.encoder.splats import Splats, alpha_of
 from dfcgs_codec.encoder.targets import Targets
 from dfcgs_codec.encoder.triage import is_tracked
 from dfcgs_codec.errors import InputError
@@ -32,13 +32,15 @@ Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
 #: a QP is near enough when the estimate is so near the quality asked for, dB
-_NEAR_ENOUGH = 0.25
+_NEAR_ENOUGH = 0.4
 #: estimates are about so uncertain, dB: so much more is aimed at, for a quality is a promise
 _MARGIN = 1.0
 #: QPs that are tried
 _MOST_TRIALS = 4
 #: the share of the error that leaving out Gaussians may make
 _LEFT_OUT_SHARE = 0.25
+#: others show in a frame whose opacities differ by this share of them
+_OTHERS = 0.1
 #: a tracked run is looked at in every so many frames
 _EVERY = 12
 
@@ -100,15 +102,22 @@ class _Subject:
         return self.seen.of(self.first)
 
     def looked_at(self) -> list[int]:
-        """Frames in which errors are estimated: the first, and some of those that are tracked from it."""
+        """Frames in which errors are estimated: the first, and those of its run in which others show."""
         run = [index for index, anchor in enumerate(self.anchors) if anchor == self.first_frame]
-        return sorted({run[0], run[len(run) // 2], run[-1]})
+        later = sorted({run[len(run) // 2], run[-1]} - {self.first_frame})
+        return [self.first_frame, *(index for index in later if self._shows_others(index))]
 
-    def frame(self, index: int) -> tuple[GaussianCloud, Seen]:
-        """A frame that is looked at, and what is coded of it."""
-        cloud = self.first if index == self.first_frame else self.source.read(index)[0]
-        tracked = index == self.first_frame or is_tracked(self.first, cloud)
-        return cloud, self.seen if tracked else ALL
+    def frame(self, index: int) -> GaussianCloud:
+        """A frame that is looked at."""
+        return self.first if index == self.first_frame else self.source.read(index)[0]
+
+    def _shows_others(self, index: int) -> bool:
+        """Whether a frame is tracked from the first one and other Gaussians show there."""
+        cloud = self.frame(index)
+        if not is_tracked(self.first, cloud) or cloud.opacities is self.first.opacities:
+            return False
+        before, now = alpha_of(self.first.opacities), alpha_of(cloud.opacities)
+        return float(np.abs(now - before).sum()) > _OTHERS * float(np.maximum(before.sum(), now.sum()))
 
     def plan(self, qp: float) -> SequencePlan:
         """With the steps of a QP, not balanced."""
@@ -146,6 +155,15 @@ def _subject(source: FrameSource, options: EncoderOptions) -> _Subject:
 
 
 @dataclass(frozen=True)
+class _Trial:
+    """A plan that is not balanced yet, and what was `found` of its errors when it was looked at."""
+
+    plan: SequencePlan
+    looks: list[Look]
+    found: Balance
+
+
+@dataclass(frozen=True)
 class _View:
     """A frame as it is looked at: the Gaussians that are coded and lie near others, and patches of them."""
 
@@ -166,8 +184,8 @@ class _Estimator:
         self._views = [view for view in views if view.patches]
 
     def _view(self, index: int, grids: Grids, part: tuple[int, int]) -> _View:
-        cloud, seen = self._subject.frame(index)
-        cloud = seen.of(cloud)
+        seen = self._subject.seen
+        cloud = seen.of(self._subject.frame(index))
         _, escapes = grids.split(cloud)
         near = np.arange(cloud.num_gaussians)
         # who lies apart from all others has no say in how these are coded
@@ -183,39 +201,43 @@ class _Estimator:
                     patches = self._region.patches(splats, *part)
         return _View(cloud, cover, patches)
 
-    def balanced(self, qp: float) -> SequencePlan:
-        """Planned with that QP, steps in proportion to what they show, and the PSNR estimated."""
+    def tried(self, qp: float) -> _Trial:
+        """Planned with that QP, and what it leads to."""
         plan = self._subject.plan(qp)
-        if not self._views:
-            return plan
         units, looks = plan.header.unit_exponents, []
         for view in self._views:
             on_grid, _ = Grids(units).split(view.cloud)
             looks.append(Look(Targets(units.from_origin).planes(on_grid), view.cover, view.patches))
-        found = balance(plan, looks)
+        if not looks:
+            return _Trial(plan, [], Balance({}, 0.0))
+        found = intra_errors(plan, looks)
         error = found.error + self._left_out
         if error > 0.0:
             bias = NEARBY_BIAS if self._region is None else 0.0
             plan = replace(plan, estimate=bias - 10.0 * float(np.log10(error)))
-        if not self._subject.options.balance:
-            return plan
-        return replace(plan, quantisation=plan.quantisation.balanced(found.graded, found.inter))
+        return _Trial(plan, looks, found)
 
     def planned(self) -> SequencePlan:
         """With the QP asked for, or the one that gives the quality asked for."""
         options = self._subject.options
-        plan = self.balanced(expected_qp(options.qp, options.quality))
-        if options.qp is not None:
-            return plan
-        tried: list[tuple[float, SequencePlan]] = []
-        while plan.estimate is not None:
-            tried.append((plan.estimate - options.quality - _MARGIN, plan))
-            error, nearest = min(tried, key=lambda trial: abs(trial[0]))
-            better = _better_qp([(more, trial.qp) for more, trial in tried])
-            if abs(error) < _NEAR_ENOUGH or len(tried) == _MOST_TRIALS or better == plan.qp:
+        trial = self.tried(expected_qp(options.qp, options.quality))
+        if options.qp is None:
+            trial = self._searched(trial, options.quality + _MARGIN)
+        if not (trial.looks and options.balance):
+            return trial.plan
+        return balanced_plan(trial.plan, trial.looks, trial.found)
+
+    def _searched(self, trial: _Trial, psnr: float) -> _Trial:
+        """A trial whose estimate is near `psnr`, from the first one on."""
+        tried: list[tuple[float, _Trial]] = []
+        while trial.plan.estimate is not None:
+            tried.append((trial.plan.estimate - psnr, trial))
+            error, nearest = min(tried, key=lambda pair: abs(pair[0]))
+            better = _better_qp([(more, before.plan.qp) for more, before in tried])
+            if abs(error) < _NEAR_ENOUGH or len(tried) == _MOST_TRIALS or better == trial.plan.qp:
                 return nearest
-            plan = self.balanced(better)
-        return plan
+            trial = self.tried(better)
+        return trial
 
 
 def _better_qp(tried: Sequence[tuple[float, float]]) -> float:
@@ -261,7 +283,7 @@ def _seen_from(subject: _Subject, region: Region) -> tuple[Region, dict[int, See
     weights = _weights(subject, region)
     options, psnr = subject.options, subject.options.quality
     if options.qp is not None:
-        psnr = _Estimator(subject, region).balanced(options.qp).estimate or psnr
+        psnr = _Estimator(subject, region).tried(options.qp).plan.estimate or psnr
     region = region.leaving_out(*weights[subject.first_frame], _LEFT_OUT_SHARE * 10.0 ** (-psnr / 10.0))
     return region, {index: region.seen(found) for index, (_, found) in weights.items()}
 

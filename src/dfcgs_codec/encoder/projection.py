@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.encoder.splats import Splats
+from dfcgs_codec.encoder.splats import Splats, turned
 from dfcgs_codec.views.camera import ViewCamera
 
 Float64 = npt.NDArray[np.float64]
@@ -48,11 +48,11 @@ class Ellipses:
 
 def project(splats: Splats, camera: ViewCamera, near: float) -> Ellipses:
     """Where the Gaussians appear; what is less than `near` scene units before the camera is not drawn."""
-    local = splats.positions @ camera.rotation.T + camera.world_to_camera[:3, 3]
-    is_before = local[:, 2] > near
-    depth = np.where(is_before, local[:, 2], 1.0)
+    x, y, z = turned(splats.positions.T, camera.rotation) + camera.world_to_camera[:3, 3:]
+    is_before = z > near
+    depth = np.where(is_before, z, 1.0)
     focal = np.array([camera.fx, camera.fy])
-    ratio = local[:, :2] / depth[:, None]
+    ratio = np.stack([x / depth, y / depth], axis=1)
     limit = _ASIDE * 0.5 * np.array([camera.width, camera.height]) / focal
     aside = np.clip(ratio, -limit, limit)
     axes = np.einsum("ij,njk->nik", camera.rotation, splats.axes)

@@ -117,13 +117,12 @@ def _surroundings(wanted: Quantised, state: FrameState) -> Surroundings:
     """What patches are chosen from: Gaussians that show as they should, or as they were decoded."""
     planes, units = wanted.planes, wanted.units
 
-    def draw(rows: Int64) -> Splats:
-        splats = wanted.splats(rows)
-        return replace(splats, alpha=alpha[rows])
+    def shapes(rows: Int64) -> Splats:
+        return replace(wanted.shapes(rows), alpha=alpha[rows])
 
     scales = planes[Attribute.SCALE] * 2.0**units.scale
     opacities = np.maximum(planes[Attribute.OPACITY][:, 0], state.planes[Attribute.OPACITY].values[:, 0])
     alpha = alpha_of(expand(opacities, units.opacity) * 2.0**units.opacity)
     middle = 0.5 * (scales.sum(axis=1) - scales.min(axis=1))
     positions = wanted.positions(planes[Attribute.POSITION])
-    return Surroundings(positions, deviations(middle), deviations(scales.max(axis=1)), alpha, draw)
+    return Surroundings(positions, deviations(middle), deviations(scales.max(axis=1)), alpha, shapes)
