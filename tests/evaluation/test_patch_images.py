@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -21,7 +23,8 @@ NEAR = 0.01
 #: 8 x 8 pixels, every second one
 PLACES = np.arange(8) * 2
 SCENES = {
-    "room": (room(), list(viewers().cameras[:3])),
+    # renderers differ in the largest opacity that they draw
+    "room": (replace(room(), opacities=np.minimum(room().opacities, 2)), list(viewers().cameras[:3])),
     "object": (
         real_cloud(3000),
         [looking((1.5, 0.8, -1.8), (0, 0, 0)), looking((-2, 0.3, 0.5), (0, 0.2, 0))],
@@ -45,9 +48,8 @@ def test_patches_are_parts_of_rendered_images(name: str) -> None:
         columns, rows = (int(patch.corner[axis]) + PLACES for axis in (0, 1))
         # the first axis of a patch is that of columns
         wanted = images[patch.camera][rows][:, columns].transpose(1, 0, 2)
-        # who lies equally deep, as in a wall, is drawn in any order
-        assert np.abs(found - wanted).max() < 0.06
-        assert np.abs(found - wanted).mean() < 0.02
+        # of a wall that is looked at from the front any may be drawn first
+        assert np.abs(found - wanted).max() < 0.04
         shown += wanted.max() > 0.1
     assert shown > 10
 
