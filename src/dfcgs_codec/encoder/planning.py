@@ -147,7 +147,7 @@ class _Estimator:
         # who lies apart from all others has no say in how these are coded
         self._near = near if escapes is None else np.setdiff1d(near, escapes.rows)
         self._bias = _NEARBY_BIAS if region is None else 0.0
-        self._left_out = 0.0 if region is None else region.error
+        self._left_out = 0.0 if region is None or region.keeps_unseen else region.error
         if len(self._near):
             splats = Splats.of(cloud.take(self._near))
             with np.errstate(all="ignore"):
@@ -241,7 +241,9 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     if options.views is None or not subject.first.num_gaussians:
         return _Estimator(subject, None).planned()
     positions = _finite(subject.first).positions.astype(np.float64)
-    region = Region.of(options.views, options.views_margin, positions, options.keep_unseen)
+    # whoever asks for float32 verbatim wants all of them
+    keeps_unseen = options.keep_unseen or options.intra == IntraKind.PLY
+    region = Region.of(options.views, options.views_margin, positions, keeps_unseen)
     region, seen = _seen_from(subject, region)
     subject = replace(subject, seen=seen[subject.first_frame])
     return replace(_Estimator(subject, region).planned(), region=region, seen=seen)
