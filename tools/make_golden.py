@@ -48,7 +48,7 @@ from dfcgs_codec.ply import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-from tests import helpers  # noqa: E402
+from tests import helpers, rooms  # noqa: E402
 
 FOLDER = ROOT / "tests" / "conformance"
 PAPER = EncoderOptions(profile=Profile.PAPER)
@@ -148,6 +148,10 @@ def valid_sequences() -> dict[str, Sequence]:
             EncoderOptions(bounds=(Bound("scale", 0.01),), qp=34),
         ),
         "no_cover": (helpers.all_changing(helpers.real_cloud(200), 3), EncoderOptions()),
+        "cover_classes": (
+            helpers.all_changing(rooms.room(), 2),
+            EncoderOptions(qp=36, views=rooms.viewers(), keep_unseen=True),
+        ),
         "graded_over_gof_borders": (_waving(400, 5), EncoderOptions(gof_size=2, control_spacing=20)),
         "motion": (_waving(900, 4), EncoderOptions(control_spacing=20)),
         "motion_by_stride": (

@@ -55,7 +55,10 @@ def test_json(frames_dir: Path, tmp_path: Path) -> None:
     target = tmp_path / "out.dgs"
     done = dfcgs("encode", frames_dir, target, "--json", "--verify")
     found = json.loads(done.stdout)
-    assert set(found) == {"num_bytes", "errors", "notes", "verified", "frames"}
+    told = {"num_bytes", "qp", "estimated_psnr", "num_unseen", "errors", "notes", "verified", "frames"}
+    assert set(found) == told
+    assert found["estimated_psnr"] == pytest.approx(37, abs=0.5)
+    assert found["num_unseen"] is None
     assert found["verified"] is True
     assert found["num_bytes"] == target.stat().st_size
     assert [f["number"] for f in found["frames"]] == [7, 8, 9, 10, 11]
@@ -306,7 +309,7 @@ def test_values_that_the_input_has_quantised_are_kept(tmp_path: Path) -> None:
     sizes = {}
     for exact in ("auto", "off"):
         target = tmp_path / f"{exact}.dgs"
-        done = dfcgs("encode", tmp_path / "frames", target, "--quality", "high", "--exact", exact, "--json")
+        done = dfcgs("encode", tmp_path / "frames", target, "--qp", "18", "--exact", exact, "--json")
         assert done.returncode == 0, done.stderr
         assert (json.loads(done.stdout)["errors"]["sh"]["max"] == 0.0) == (exact == "auto")
         assert ("SH_1 (0.125)" in done.stderr) == (exact == "auto")

@@ -177,7 +177,7 @@ class _Estimator:
 
     def __init__(self, subject: _Subject, region: Region | None) -> None:
         self._subject, self._region = subject, region
-        self._left_out = 0.0 if region is None else region.error
+        self._left_out = 0.0 if region is None or region.keeps_unseen else region.error
         units = subject.plan(expected_qp(subject.options.qp, subject.options.quality)).header.unit_exponents
         indices = subject.looked_at()
         views = [self._view(index, Grids(units), (part, len(indices))) for part, index in enumerate(indices)]
@@ -294,7 +294,9 @@ def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     if options.views is None or not subject.first.num_gaussians:
         return _Estimator(subject, None).planned()
     positions = _finite(subject.first).positions.astype(np.float64)
-    region = Region.of(options.views, options.views_margin, positions, options.keep_unseen)
+    # whoever asks for float32 verbatim wants all of them
+    keeps_unseen = options.keep_unseen or options.intra == IntraKind.PLY
+    region = Region.of(options.views, options.views_margin, positions, keeps_unseen)
     region, seen = _seen_from(subject, region)
     subject = replace(subject, seen=seen[subject.first_frame])
     return replace(_Estimator(subject, region).planned(), region=region, seen=seen)

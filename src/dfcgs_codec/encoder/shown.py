@@ -101,7 +101,8 @@ class Region:
 
     def seen(self, weights: Float64) -> Seen:
         """What is coded of a frame of such weights."""
-        shows = weights > 0.0 if self.least <= 0.0 else weights >= self.least
+        sees_all = self.keeps_unseen or self.least <= 0.0
+        shows = weights > 0.0 if sees_all else weights >= self.least
         if shows.all() or not shows.any():
             return ALL
         if self.keeps_unseen:

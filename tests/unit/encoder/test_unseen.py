@@ -11,7 +11,7 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.encoder.report import EncodeReport
-from tests.helpers import all_changing, match, shuffled, succeeding
+from tests.helpers import all_changing, match, same_cloud, shuffled, succeeding
 from tests.rooms import NUM_WALLS, behind, inside, room, viewers
 
 INSIDE = slice(NUM_WALLS, NUM_WALLS + 40)
@@ -143,6 +143,14 @@ def test_what_is_kept_though_unseen_takes_fewer_bytes(tmp_path: Path) -> None:
     seen, unseen = np.array(errors["coarse"]) / np.array(errors["all"])
     assert seen < 1.5
     assert unseen > 4
+
+
+def test_float32_verbatim_is_float32_of_all(tmp_path: Path) -> None:
+    cloud = room()
+    cloud.opacities[-1] = np.nan
+    report, (decoded,) = coded([cloud], tmp_path / "a.dgs", intra="ply", order="input")
+    assert report.num_unseen == 0
+    assert same_cloud(decoded, cloud)
 
 
 def test_a_note_of_cover_stands_in_the_file(tmp_path: Path) -> None:
