@@ -15,7 +15,7 @@ from training.scenes.catalogue import CATALOGUE, Scene, generator_parameters, gr
 from training.scenes.fitted import read_about
 
 #: a change of the list is a change of every figure measured with it: measure again, then change this
-DIGEST = "2b6db82e2cadffe6aedf6c9e4d4edba4b5652beea17c8ca5707bd2d028b3a5ae"
+DIGEST = "caa2ef2515064d9f96434663b55bb710604f4fd1a76130476cd638bc0d249a31"
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 
 
