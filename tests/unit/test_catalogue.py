@@ -15,7 +15,7 @@ from training.scenes.catalogue import CATALOGUE, Scene, generator_parameters, gr
 from training.scenes.fitted import read_about
 
 #: a change of the list is a change of every figure measured with it: measure again, then change this
-DIGEST = "caa2ef2515064d9f96434663b55bb710604f4fd1a76130476cd638bc0d249a31"
+DIGEST = "5076c19e8deec7eb2bc10321de65685bc7b7dddb4e751d44242088b4e130c367"
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 
 
