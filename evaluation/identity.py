@@ -28,7 +28,6 @@ from scipy.spatial import cKDTree
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence, probe
 from dfcgs_codec.encoder import segment
 from dfcgs_codec.encoder.identity import Members, Succession, found_members
-from dfcgs_codec.encoder.rate_control import QUALITIES
 from dfcgs_codec.ply import write_ply
 from evaluation.assets import has_asset
 from evaluation.baselines.method import frame_path
@@ -178,7 +177,7 @@ def identities_told(frames: list[GaussianCloud], ids: list[Int64]) -> Iterator[N
 def _bytes_told(frames: list[tuple[GaussianCloud, Int64]], file: Path) -> int:
     clouds, ids = [cloud for cloud, _ in frames], [own for _, own in frames]
     with identities_told(clouds, ids):
-        encode_sequence(clouds, file, EncoderOptions(qp=QUALITIES[QUALITY]))
+        encode_sequence(clouds, file, EncoderOptions(qp=QUALITY))
     return file.stat().st_size
 
 

@@ -17,7 +17,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dfcgs_codec.encoder.rate_control import QUALITIES
 from evaluation.assets import has_asset
 from evaluation.bd import bd_delta
 from evaluation.bench import PLANS, known_results, subject_of
@@ -26,7 +25,7 @@ from evaluation.points import Point, codec_point
 from evaluation.record import write_result
 from training.scenes.catalogue import group
 
-_QPS = [QUALITIES[name] for name in ("high", "medium", "low")]
+_QPS = [18, 28, 34]
 _DEFAULT = "default"
 #: options of `dfcgs encode` by variant
 VARIANTS: dict[str, list[str]] = {

@@ -17,7 +17,9 @@ from evaluation.record import REPOSITORY
 #: QPs between and beyond the presets, so that curves reach what the others offer
 _MORE_QPS = (40,)
 #: QPs of the curves beside the default one
-_OTHER_QPS = tuple(QUALITIES[name] for name in ("high", "medium", "low"))
+_OTHER_QPS = (18, 28, 34)
+#: QPs of uniform steps, from what `low` shows to beyond `transparent`
+_UNIFORM_QPS = (34, 28, 18, 8)
 #: our curves: label and further options of `dfcgs encode`
 CODEC_CURVES = {
     "dfcgs": ("dfcgs (default)", []),
@@ -97,7 +99,7 @@ def takes_views() -> bool:
 
 def capture_points(cameras: Path) -> list[Point]:
     """What is asked of captures beside: steps that heed nothing, and presets told where the cameras stood."""
-    points = [codec_point("dfcgs_uniform", f"qp{qp}", ["--qp", str(qp)]) for qp in QUALITIES.values()]
+    points = [codec_point("dfcgs_uniform", f"qp{qp}", ["--qp", str(qp)]) for qp in _UNIFORM_QPS]
     if not takes_views():
         return points
     digest = hashlib.sha256(cameras.read_bytes()).hexdigest()[:16]
