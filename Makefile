@@ -164,9 +164,10 @@ stress: env-eval ## the sequences that break codecs; fails where one misses a ba
 allocation: env-eval ## are the quantiser steps in the right proportion?
 	$(BIN)/python -m evaluation.allocation
 
-charts: env-eval ## docs/charts/*.svg, the tables of docs/results.md and of the README, from evaluation/results
+charts: env-eval ## docs/charts/*.svg, the tables of docs/results.md, docs/field.md and the README, from evaluation/results
 	$(BIN)/python -m evaluation.charts
 	$(BIN)/python -m evaluation.tables
+	$(BIN)/python -m evaluation.field
 	$(BIN)/python -m evaluation.readme
 
 bench-troubles: env-eval ## far Gaussians, headers, small files that ask for much: fails where a bar is missed (half an hour)

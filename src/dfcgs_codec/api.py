@@ -89,9 +89,10 @@ def encode_sequence(
 ) -> EncodeReport:
     """Encode frames into the file `target`.
 
-    `frames` is a folder of PLY files, or the files; GaussianClouds in a list, a tuple or any iterable, which
-    is gone through once, into memory, before the work begins; a GaussianCloud, as a sequence of one frame; or
-    a FrameSource such as `open_folder` returns. Arrays must stay as they are until the end.
+    `frames` is a folder of PLY files, the files, or the params.npz of Dynamic 3D Gaussians; GaussianClouds in
+    a list, a tuple or any iterable, which is gone through once, into memory, before the work begins; a
+    GaussianCloud, as a sequence of one frame; or a FrameSource such as `open_folder` returns. Arrays must
+    stay as they are until the end.
     `progress(done, total)` is called from time to time.
     The file appears under its name only when it is whole; an existing one is kept unless `force`.
     Raises InputError for input that cannot be coded or a bound that cannot be kept.

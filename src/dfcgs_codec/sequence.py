@@ -1,4 +1,4 @@
-"""Folders of PLY frames <-> ordered frame sources."""
+"""Folders of PLY frames, and files of whole sequences -> ordered frame sources."""
 
 from __future__ import annotations
 
@@ -9,15 +9,25 @@ from typing import Protocol
 
 import numpy as np
 
+from dfcgs_codec.arrays.params import ENDING, TimestepSource, open_params, params_in
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.frames.choice import DEFAULT_PATTERN, frames_in, frames_named
+from dfcgs_codec.frames.listing import matches
 from dfcgs_codec.frames.order import BY_NUMBER, order_of
-from dfcgs_codec.frames.trees import Chosen
+from dfcgs_codec.frames.trees import Chosen, walk
 from dfcgs_codec.frames.typed import typed_frames
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.ply import InputPolicy, PlyHeader, peek_header, read_ply, said_once
 
-__all__ = ["DEFAULT_PATTERN", "FolderSource", "FrameSource", "MemorySource", "open_folder", "open_frames"]
+__all__ = [
+    "DEFAULT_PATTERN",
+    "FolderSource",
+    "FrameSource",
+    "MemorySource",
+    "TimestepSource",
+    "open_folder",
+    "open_frames",
+]
 
 
 class FrameSource(Protocol):
@@ -140,13 +150,16 @@ def open_folder(
     allow_gaps: bool = False,
     order_by: str = BY_NUMBER,
     policy: InputPolicy | None = None,
-) -> FolderSource:
+) -> FolderSource | TimestepSource:
     """Frames of `folder` that match `pattern` (a glob, may contain '/'), in the order of their numbers.
 
-    By default PLYs in the folder or, where it has none, those that trainers leave in its subfolders.
+    By default PLYs in the folder or, where it has none, those that trainers leave in its subfolders; without
+    any, the timesteps of its params.npz.
     `order_by`: see `frames.order.order_of`. InputError for no frames, for doubtful or missing numbers (unless
     `allow_gaps`), and for any frame whose header is refused.
     """
+    if pattern == DEFAULT_PATTERN and (params := _params_alone(Path(folder))) is not None:
+        return _timesteps(params, order_by, policy)
     found = frames_in(Path(folder), pattern)
     return _opened(Path(folder), found, order_by, allow_gaps, policy)
 
@@ -158,8 +171,8 @@ def open_frames(
     allow_gaps: bool = False,
     order_by: str = BY_NUMBER,
     policy: InputPolicy | None = None,
-) -> FolderSource:
-    """What `open_folder` gives, of a folder, of PLY files, or of globs of them.
+) -> FolderSource | TimestepSource:
+    """What `open_folder` gives, of a folder, of PLY files, of globs of them, or of a params.npz.
 
     InputError also for anything else that people name for frames, with what to name instead.
     """
@@ -168,8 +181,30 @@ def open_frames(
         return open_folder(typed, pattern, allow_gaps=allow_gaps, order_by=order_by, policy=policy)
     if pattern != DEFAULT_PATTERN:
         raise InputError(f"--pattern {pattern!r} chooses files of a folder, but {typed[0]} is a file")
+    if any(_is_arrays(path) for path in typed):
+        if len(typed) > 1:
+            raise InputError(
+                f"{len(typed)} files ({typed[0]}, {typed[1]}...); an .npz is a sequence: name it alone"
+            )
+        return _timesteps(typed[0], order_by, policy)
     folder, found = frames_named(typed)
     return _opened(folder, found, order_by, allow_gaps, policy)
+
+
+def _is_arrays(path: Path) -> bool:
+    return path.name.lower().endswith(ENDING)
+
+
+def _params_alone(folder: Path) -> Path | None:
+    """The params.npz of a folder without any PLY, in it or below."""
+    params = params_in(folder)
+    return None if params is None or matches(folder, DEFAULT_PATTERN).names or walk(folder).names else params
+
+
+def _timesteps(path: Path, order_by: str, policy: InputPolicy | None) -> TimestepSource:
+    if order_by != BY_NUMBER:
+        raise InputError(f"{path}: timesteps are frames in their order, which --order-by cannot change")
+    return open_params(path, policy)
 
 
 def _opened(

@@ -89,6 +89,44 @@ FOLDERS = {
         [f"f_{t}/point_cloud/iteration_9/p.ply" for t in (1, 2)],
         ["f_1/input.ply", "--pattern"],
     ),
+    "added to one frame, later (3DGStream)": (
+        [
+            name
+            for t in (1, 2, 10)
+            for name in (
+                _TREE.format(t, 150),
+                f"frame{t:06d}/point_cloud/iteration_250/added/point_cloud.ply",
+            )
+        ],
+        [_TREE.format(t, 150) for t in (1, 2, 10)],
+        ["3 PLYs in folders called 'added'", "frames as taken lack; docs/inputs.md"],
+    ),
+    "added to one frame, in it (4DGC)": (
+        [
+            f"colmap_{t}/point_cloud/iteration_{name}.ply"
+            for t in (1, 2, 10)
+            for name in ("400/point_cloud", "500/point_cloud", "500/added/point_cloud", "500/added/exp_sh")
+        ],
+        [f"colmap_{t}/point_cloud/iteration_500/point_cloud.ply" for t in (1, 2, 10)],
+        ["the latest iteration", "6 PLYs in folders called 'added'", "which it already holds"],
+    ),
+    "the frame and its iterations (QUEEN)": (
+        [
+            name
+            for t, i in ((1, 10000), (2, 200), (10, 200))
+            for name in (
+                f"frames/{t:04d}/point_cloud.ply",
+                f"frames/{t:04d}/point_cloud/iteration_{i}/point_cloud.ply",
+            )
+        ],
+        [f"frames/{t:04d}/point_cloud.ply" for t in (1, 2, 10)],
+        ["frames/0001/point_cloud/iteration_10000", "the frame itself lies beside"],
+    ),
+    "nothing but what is added": (
+        ["f_1/added/p.ply", "f_2/added/p.ply"],
+        ["f_1/added/p.ply", "f_2/added/p.ply"],
+        ["--pattern 'f_*/added/p.ply'"],
+    ),
     "numbered folders": (["9/ply/p.ply", "10/ply/p.ply"], ["9/ply/p.ply", "10/ply/p.ply"], ["'*/ply/p.ply'"]),
     "times below": (
         ["gaussians/time_00000.ply", "gaussians/time_00001.ply"],
@@ -197,7 +235,7 @@ NOTHING = {
     "sog": (["a.sog"], ["PlayCanvas", "splat-transform a.sog a.ply"]),
     "ksplat": (["a.ksplat"], ["splat-transform a.ksplat a.ply"]),
     "checkpoints": (["chkpnt7000.pth"], ["checkpoint", "PLY"]),
-    "arrays": (["params.npz"], ["numpy arrays", "PLY"]),
+    "arrays": (["arrays.npz"], ["numpy arrays", "PLY"]),
     "a zip": (["frames.zip"], ["unzip frames.zip"]),
     "kinds in subfolders": (
         ["a/f_1.ply", "a/f_2.ply", "b/g.ply"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from dfcgs_codec.cli import values as parse
 from dfcgs_codec.cli.outputs import output_file
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.cli.refusal import note_of_limits
+from dfcgs_codec.cli.views import views_beside, views_named, views_note
 from dfcgs_codec.encoder.options import COMPENSATIONS, EncoderOptions, MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES
@@ -25,6 +27,7 @@ from dfcgs_codec.files import check_file_target
 from dfcgs_codec.frames.typed import check_arguments
 from dfcgs_codec.ply import InputPolicy, gathered
 from dfcgs_codec.sequence import DEFAULT_PATTERN, open_frames
+from dfcgs_codec.views.region import DEFAULT_MARGIN
 
 #: for a file of one's own: whatever it needs
 _NO_LIMITS = ("--max-memory", "1024T", "--max-gaussians", str(1 << 30))
@@ -41,7 +44,8 @@ Examples:
 
 def _options(values: dict[str, Any]) -> EncoderOptions:
     return EncoderOptions(
-        qp=values["quality"] if values["qp"] is None else values["qp"],
+        quality=values["quality"] if values["psnr"] is None else values["psnr"],
+        qp=values["qp"],
         bounds=values["bound"],
         gof_size=values["gof_size"],
         motion=values["motion"],
@@ -53,10 +57,11 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         latent_step=values["latent_step"],
         refinement=values["refinement"],
         visibility=values["steps"] == "visibility",
-        cover=values["cover"] == "auto",
         balance=values["balance"] == "auto",
-        steady=values["steady"],
         exact=values["exact"] == "auto",
+        views=views_named(values["views"]),
+        views_margin=values["views_margin"],
+        keep_unseen=values["keep_unseen"],
         prior=values["prior"],
         intra=values["intra"],
         order=values["order"],
@@ -64,6 +69,12 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         keep_axes=values["keep_axes"],
         jobs=values["jobs"],
     )
+
+
+def _with_views(options: EncoderOptions, paths: list[Path]) -> tuple[EncoderOptions, list[str]]:
+    """The options with the cameras that lie beside the frames, and what is to be said of them."""
+    views, notes = views_beside(paths)
+    return replace(options, views=views), notes
 
 
 def _verify(target: Path) -> None:
@@ -95,6 +106,8 @@ def _summary(report: EncodeReport, target: Path) -> str:
         f"{report.num_bytes} bytes, {report.num_bytes / count:.0f} per frame",
         f"{'error':10} {'max':>12} {'mean':>12}",
     ]
+    if report.estimated_psnr is not None:
+        lines.append(f"images: about {report.estimated_psnr:.1f} dB (estimated), at QP {report.qp:.1f}")
     for name, error in _errors(report).items():
         lines.append(f"{name:10} {error['max']:12.6g} {error['mean']:12.6g}  {error['unit']}")
     return "\n".join(lines)
@@ -103,9 +116,20 @@ def _summary(report: EncodeReport, target: Path) -> str:
 @click.command(epilog=_EPILOG)
 @click.argument("frames", nargs=-1, metavar="FRAMES...")
 @click.argument("output", type=click.Path(), callback=output_file)
-@click.option("--quality", type=click.Choice(list(QUALITIES)), default="medium", show_default=True)
 @click.option(
-    "--qp", type=float, help="Quantiser, 0 (finest) to 51; the step doubles every 6. Overrides --quality."
+    "--quality",
+    type=click.Choice(list(QUALITIES)),
+    default="medium",
+    show_default=True,
+    help="Quality of images: " + ", ".join(f"{name} {psnr:g} dB" for name, psnr in QUALITIES.items()) + ".",
+)
+@click.option(
+    "--psnr", type=float, metavar="DB", help="The same as a number: PSNR of images. Overrides --quality."
+)
+@click.option(
+    "--qp",
+    type=float,
+    help="Quantiser, 0 (finest) to 51; the step doubles every 6, whatever the quality. Overrides --psnr.",
 )
 @click.option(
     "--bound",
@@ -191,23 +215,11 @@ def _summary(report: EncodeReport, target: Path) -> str:
     help="Quantiser steps: coarser for Gaussians that show less, or one for all.",
 )
 @click.option(
-    "--cover",
-    type=click.Choice(["auto", "off"]),
-    default="auto",
-    show_default=True,
-    help="Whether what lies behind other Gaussians, from all sides, counts as showing less.",
-)
-@click.option(
     "--balance",
     type=click.Choice(["auto", "off"]),
     default="auto",
     show_default=True,
     help="Whether steps of attributes follow how much each shows in the first frame.",
-)
-@click.option(
-    "--steady",
-    is_flag=True,
-    help="Keep P-frames within about 1 dB of I-frames even where everything changes, at more bytes.",
 )
 @click.option(
     "--exact",
@@ -216,6 +228,21 @@ def _summary(report: EncodeReport, target: Path) -> str:
     show_default=True,
     help="Whether values that another tool has quantised are kept as they are, where that is smaller.",
 )
+@click.option(
+    "--views",
+    metavar="FILE|none",
+    show_default="found beside the frames",
+    help="The cameras between which viewers stand: cameras.json, transforms.json or a folder of COLMAP.",
+)
+@click.option(
+    "--views-margin",
+    type=float,
+    metavar="SHARE",
+    default=DEFAULT_MARGIN,
+    show_default=True,
+    help="How far outside the cameras viewers stand, as a share of the distance between them.",
+)
+@click.option("--keep-unseen", is_flag=True, help="Keep what is seen from none of the views as the rest.")
 @click.option(
     "--intra",
     type=click.Choice(["coded", "ply"]),
@@ -270,7 +297,7 @@ def _summary(report: EncodeReport, target: Path) -> str:
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 @click.option("--quiet", "-q", is_flag=True, help="Print nothing but errors.")
 def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
-    """Encode FRAMES, a folder of PLYs or the files themselves, into the file OUTPUT (.dgs)."""
+    """Encode FRAMES, a folder of PLYs, the files themselves or a params.npz, into the file OUTPUT (.dgs)."""
     if not frames:
         raise click.UsageError(f"two arguments are needed: dfcgs encode {output} out.dgs")
     check_arguments(frames, str(output))
@@ -289,8 +316,13 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         order_by=values["order_by"],
         policy=policy,
     )
+    told = list(source.notes)
+    if values["views"] is None and options.profile == Profile.MAIN:
+        options, notes = _with_views(options, source.paths)
+        told += notes
+    told += views_note(options.views)
     # said before the work begins: whoever meant other files need not wait for its end
-    for note in source.notes:
+    for note in told:
         click.echo(f"note: {note}", err=True)
     with progress_bar("encoding", values["quiet"]) as progress:
         report = encode_sequence(source, output, options, force=values["force"], progress=progress)
@@ -302,7 +334,12 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         _verify(output)
     if values["as_json"]:
         records = [vars(frame) for frame in report.frames]
-        result = {"num_bytes": report.num_bytes, "errors": _errors(report), "notes": [*source.notes, *notes]}
+        result: dict[str, Any] = {
+            "num_bytes": report.num_bytes,
+            "qp": report.qp,
+            "estimated_psnr": report.estimated_psnr,
+        }
+        result |= {"num_unseen": report.num_unseen, "errors": _errors(report), "notes": [*told, *notes]}
         click.echo(json.dumps(result | {"verified": values["verify"], "frames": records}))
     elif not values["quiet"]:
         click.echo(_summary(report, output) + ("\nverified" if values["verify"] else ""))

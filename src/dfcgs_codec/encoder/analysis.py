@@ -26,8 +26,6 @@ Planes = dict[Attribute, Int64]
 
 #: errors that a coarser step of an I-frame left, in such steps, are not worth mending
 SLACK = 0.6
-#: the same with `--steady`: where every attribute drifts, what is left as it is adds up over the attributes
-STEADY_SLACK = 0.3
 #: a unit quaternion times these is its inverse
 _CONJUGATE = np.array([1, -1, -1, -1])
 

@@ -57,7 +57,7 @@ class Quantised:
         """Some of them as they are, and by attribute with that one quantised."""
         planes = {attribute: plane[rows] for attribute, plane in self.planes.items()}
         splats = Splats(
-            planes[Attribute.POSITION].astype(np.float64) * 2.0**self.units.position,
+            self._positions(planes[Attribute.POSITION]),
             rotation_matrices(planes[Attribute.ROTATION] / ONE),
             deviations(planes[Attribute.SCALE] * 2.0**self.units.scale),
             self._alpha(planes[Attribute.OPACITY]),
@@ -108,6 +108,11 @@ class Quantised:
         exponent, octaves = self.units.scale, self.thin_octaves
         companded = compress_thinness(scales[:, 1] - scales[:, 2], exponent, octaves)
         return expand_thinness(companded + np.rint(errors).astype(np.int64), exponent, octaves)
+
+    def _positions(self, values: Int64) -> Float64:
+        """Scene units, the origin included."""
+        units = self.units
+        return np.asarray((values + np.array(units.origin)) * 2.0**units.position, np.float64)
 
     def _alpha(self, values: Int64) -> Float64:
         return alpha_of(expand(values[:, 0], self.units.opacity) * 2.0**self.units.opacity)

@@ -7,111 +7,25 @@ from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-
 from dfcgs_codec.bitstream.comments import PlyComments
-from dfcgs_codec.bitstream.constants import (
-    LEVELS,
-    MAX_CONTROL_POINTS,
-    MODEL_HASH_BYTES,
-    ChunkType,
-    IntraKind,
-    Profile,
-)
+from dfcgs_codec.bitstream.constants import ChunkType, Profile
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.io import ByteWriter
-from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
-from dfcgs_codec.codec.dpb import columns_of
-from dfcgs_codec.encoder.lattice import keep_exactly
-from dfcgs_codec.encoder.off_grid import Grids
 from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, PAPER_GOF_SIZE, EncoderOptions
 from dfcgs_codec.encoder.parallel import NoWorkers, code_in_parallel
-from dfcgs_codec.encoder.placing import balanced_plan
 from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.proof import prove_written
-from dfcgs_codec.encoder.rate_control import plan_quantisation
 from dfcgs_codec.encoder.reference import CodedSegment
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.encoder.segment import SegmentEncoder
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import replace_when_whole
-from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
-from dfcgs_codec.model.registry import installed
 from dfcgs_codec.ply import display_comments
-from dfcgs_codec.sequence import FolderSource, FrameSource, notes_of, sequence_sh_degree
+from dfcgs_codec.sequence import FrameSource, notes_of
 
 #: called with (frames done, frames in all)
 Progress = Callable[[int, int], None]
-
-
-def _level(max_gaussians: int, num_frames: int, control_spacing: int) -> int:
-    points = min(max_gaussians // control_spacing, MAX_CONTROL_POINTS)
-    for level, limits in LEVELS.items():
-        if (
-            max_gaussians <= limits.max_gaussians
-            and num_frames <= limits.max_frames
-            and points <= limits.max_control_points
-        ):
-            return level
-    largest = max(LEVELS.values())
-    raise InputError(
-        f"{max_gaussians} Gaussians in {num_frames} frames: at most {largest.max_gaussians} in "
-        f"{largest.max_frames} can be coded; split the sequence"
-    )
-
-
-def _anchors(counts: list[int]) -> list[int]:
-    """First frame of each frame's run of equal counts."""
-    anchors: list[int] = []
-    for index, count in enumerate(counts):
-        anchors.append(anchors[-1] if index and counts[index - 1] == count else index)
-    return anchors
-
-
-def _any_cloud(sh_degree: int) -> GaussianCloud:
-    """What a sequence is planned from that has no Gaussians."""
-    shapes = ((1, 3), (1, 4), (1, 3), (1,), (1, 3), (1, 3, SH_REST_COEFFICIENTS[sh_degree]))
-    return GaussianCloud(*(np.ones(shape, np.float32) for shape in shapes))
-
-
-def _finite(cloud: GaussianCloud) -> GaussianCloud:
-    """The Gaussians all of whose values are finite; any one where there is none."""
-    finite = np.ones(cloud.num_gaussians, np.bool_)
-    for _, _, values in columns_of(cloud):
-        finite &= np.isfinite(values).all(axis=1)
-    if finite.all():
-        return cloud
-    return cloud.take(np.flatnonzero(finite)) if finite.any() else _any_cloud(cloud.sh_degree)
-
-
-def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
-    """Header, grids and steps, from the input's headers and its first frame."""
-    headers = source.headers
-    if not headers:
-        raise InputError("no frames to encode")
-    counts = [header.num_gaussians for header in headers]
-    first_frame = next((index for index, count in enumerate(counts) if count), 0)
-    first = source.read(first_frame)[0] if any(counts) else _any_cloud(sequence_sh_degree(headers))
-    quantisation = plan_quantisation(options.qp, options.bounds, _finite(first))
-    if options.intra == IntraKind.PLY:
-        quantisation = quantisation.with_float32_positions()
-    if options.exact and options.profile == Profile.MAIN and options.intra == IntraKind.CODED:
-        quantisation = keep_exactly(quantisation, source, first)
-    model = installed(options.model) if options.model else None
-    header = SequenceHeader(
-        profile=options.profile,
-        level=_level(max(counts), len(counts), options.control_spacing),
-        sh_degree=sequence_sh_degree(headers),
-        output_order=options.order,
-        frame_rate=(options.frame_rate.numerator, options.frame_rate.denominator),
-        frame_numbers=FrameNumbers.of(source.numbers),
-        unit_exponents=quantisation.units,
-        model_id="" if model is None else model.model_id,
-        model_hash=b"" if model is None else model.digest[:MODEL_HASH_BYTES],
-    )
-    comments = display_comments(headers[0].comments)
-    plan = SequencePlan(header, quantisation, options, _anchors(counts), first_frame, comments=comments)
-    return balanced_plan(plan, *Grids(quantisation.units).split(first))
 
 
 def _segments(plan: SequencePlan) -> list[tuple[int, int]]:
@@ -153,7 +67,7 @@ def _write(
             "comments that change how viewers show a frame differ between frames: those of the first are kept"
         )
     writer = ContainerWriter(file, plan.header)
-    writer.chunk(ChunkType.ENCODER_INFO, 0, plan.options.describe().encode())
+    writer.chunk(ChunkType.ENCODER_INFO, 0, plan.describe().encode())
     if plan.comments:
         comments = ByteWriter()
         PlyComments(plan.comments).write(comments)
@@ -183,12 +97,13 @@ def _write(
             "outside the grids planned from the first frame, or are not finite: they are kept exactly"
         )
     report.num_bytes = writer.size
+    report.qp, report.estimated_psnr, report.num_unseen = plan.qp, plan.estimate, plan.num_unseen
     return report
 
 
 def _check_not_input(target: Path, source: FrameSource) -> None:
     """InputError where the output would take the place of a frame."""
-    for path in source.paths if isinstance(source, FolderSource) else ():
+    for path in getattr(source, "paths", ()):
         if target.exists() and target.samefile(path):
             raise InputError(f"{target} is one of the frames: name another output")
 

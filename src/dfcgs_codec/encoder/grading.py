@@ -31,12 +31,10 @@ from dfcgs_codec.codec.visibility import (
 )
 from dfcgs_codec.encoder.analysis import Planes, ZeroBin, order_of, plan_grid
 from dfcgs_codec.encoder.canonical import AxisNames
-from dfcgs_codec.encoder.cover import cover_classes
 from dfcgs_codec.encoder.joint_quantisation import opacities_beside
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.trellis_search import AlternatingQuantiser, best_path
 from dfcgs_codec.transform.companding import thin_octaves
-from dfcgs_codec.transform.lod import build_levels
 from dfcgs_codec.transform.rotation import CELLS, ONE, STEREO_ONE, multiply, round_divide
 from dfcgs_codec.transform.trellis import takes_turns
 
@@ -76,19 +74,18 @@ def quantise_by(alone: ZeroBin, grading: Grading, attribute: Attribute) -> Quant
 
 @dataclass(frozen=True)
 class GradedPlan:
-    """How I-frames of a run are graded: `cover` (N,), not rounded, in input order; the header's fields."""
+    """How I-frames of a run are graded: `cover` classes (N,) in input order; the header's fields."""
 
-    cover: Float64
+    cover: Int64
     grading: Grading
 
     @staticmethod
-    def of(planes: Planes, cover: Float64, quantisation: Quantisation) -> GradedPlan:
+    def of(planes: Planes, cover: Int64, quantisation: Quantisation) -> GradedPlan:
         """From planes (N, C) under their final axis names and cover, both in input order."""
-        classes = np.rint(cover).astype(np.int64)
         axes = axes_of(planes[Attribute.SCALE], quantisation.units.scale)
         alpha = alpha_weights(planes[Attribute.OPACITY][:, 0], quantisation.units.opacity)
-        weights = IntraWeights(classes, axes, alpha)
-        of_cover = IntraWeights.of_cover(classes)
+        weights = IntraWeights(cover, axes, alpha)
+        of_cover = IntraWeights.of_cover(cover)
         known = {attribute: weights.of(attribute) for attribute in planes}
         known[Attribute.SCALE] = of_cover
         known[Attribute.OPACITY] = (IntraWeights.area(axes) >> 1) + of_cover
@@ -122,8 +119,7 @@ class GradedPlan:
         def turns(rotation: GradedRotation) -> ChooseTurns:
             return TurnChooser(planes[Attribute.ROTATION], rotation).choose
 
-        coarse = build_levels(indices >> self.grading.coarse_log2)
-        classes = cover_classes(self.cover[order], coarse)
+        classes = self.cover[order]
 
         def opacities(decoded: Int64) -> Int64:
             if Attribute.OPACITY in quantisation.bounded:

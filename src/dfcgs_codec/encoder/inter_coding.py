@@ -14,7 +14,6 @@ from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.visibility import Visibility
 from dfcgs_codec.encoder.analysis import (
     SLACK,
-    STEADY_SLACK,
     Planes,
     ResidualQuantiser,
     ZeroBin,
@@ -37,6 +36,7 @@ from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTria
 from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.prior_choice import PriorChoice
+from dfcgs_codec.encoder.reference import InputFrame
 from dfcgs_codec.encoder.spread_motion import spread_header, spread_motion
 from dfcgs_codec.encoder.targets import ordered
 from dfcgs_codec.transform.rotation import round_divide
@@ -107,7 +107,7 @@ class InterCoder:
         self._trusted = _TRUSTED_FRAMES
         return moved
 
-    def births(self, succession: Succession, planes: Planes, state: GofState) -> Births | None:
+    def births(self, succession: Succession, frame: InputFrame, state: GofState) -> Births | None:
         """The change of topology since `state`, or None where all go on."""
         options, rows = self._plan.options, succession.births
         if succession.all_survive and not len(rows):
@@ -117,11 +117,12 @@ class InterCoder:
         task, target = None, {}
         names = None
         if len(rows):
-            born = ordered(planes, rows)
+            born = ordered(frame.planes, rows)
             if succession.members.names is not None:
                 names = choose_axis_names(born)
                 born = names.rename(born)
-            order, task = self._birth_task(born)
+            cover = np.zeros(len(rows), np.int64) if frame.cover is None else frame.cover[rows]
+            order, task = self._birth_task(born, cover)
             rows, target = rows[order], ordered(born, order)
             names = None if names is None else names.take(order)
         inputs = None
@@ -130,14 +131,14 @@ class InterCoder:
         change = TopologyChange(succession.kept, succession.num_before, task, inputs)
         return Births(change, Members(rows, names), target)
 
-    def _birth_task(self, born: Planes) -> tuple[Int64, IntraTask]:
+    def _birth_task(self, born: Planes, cover: Int64) -> tuple[Int64, IntraTask]:
         """Canonical order of Gaussians that come, `born` in the input's, and how they are coded.
 
-        Graded as those of an I-frame are; nothing is said of what lies before them.
+        Graded as those of an I-frame are.
         """
         quantisation, positions = self._plan.quantisation, born[Attribute.POSITION]
         if self._plan.is_graded:
-            graded = GradedPlan.of(born, np.zeros(len(positions)), quantisation)
+            graded = GradedPlan.of(born, cover, quantisation)
             order, grid = graded.order(positions, quantisation)
             wanted = graded.target(
                 ordered(born, order), order, quantisation, self._plan.options.intra_zero_bin
@@ -154,7 +155,7 @@ class InterCoder:
         reference = task.state.frame
         levels = self._levels(task.state.visibility)
         multipliers = task.state.visibility.all_multipliers(levels)
-        slack, share = self.slack(task.state), STEADY_SLACK if options.steady else SLACK
+        slack, share = self.slack(task.state), SLACK
         quantiser = ResidualQuantiser(
             quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2, multipliers, slack, share
         )

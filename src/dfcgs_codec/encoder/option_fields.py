@@ -13,8 +13,10 @@ from enum import Enum
 from fractions import Fraction
 from typing import Any, Generic, TypeVar
 
-from dfcgs_codec.arguments import rate, real, refusal, switch, whole
+from dfcgs_codec.arguments import AnyPath, rate, real, refusal, switch, whole
 from dfcgs_codec.errors import InputError
+from dfcgs_codec.views.camera import Views
+from dfcgs_codec.views.read import read_views
 
 _Held = TypeVar("_Held")
 _Given = TypeVar("_Given")
@@ -78,6 +80,13 @@ class NamedReal(OptionField[float, float | str]):
         return real(self._name, value, f"a number or one of {_quoted(self._names)}")
 
 
+class RealOrNone(OptionField[float | None, float | None]):
+    """A number; None leaves the choice to the encoder."""
+
+    def _convert(self, value: Any) -> float | None:
+        return None if value is None else real(self._name, value)
+
+
 class Whole(OptionField[int, int]):
     """A whole number."""
 
@@ -121,6 +130,13 @@ class Text(OptionField[str | None, str | None]):
         if value is not None and not isinstance(value, str):
             raise refusal(self._name, value, "a text or None")
         return value
+
+
+class Cameras(OptionField[Views | None, Views | AnyPath | None]):
+    """Views, the path of a file or a folder of cameras, which is read at once, or None."""
+
+    def _convert(self, value: Any) -> Views | None:
+        return value if value is None or isinstance(value, Views) else read_views(value)
 
 
 class Choice(OptionField[_Named, _Named | str]):

@@ -22,21 +22,24 @@ from dfcgs_codec.bitstream.constants import (
     Profile,
 )
 from dfcgs_codec.encoder.option_fields import (
+    Cameras,
     Choice,
     NamedReal,
     OptionField,
     Processes,
     Rate,
     Real,
+    RealOrNone,
     Switch,
     Text,
     Whole,
     WholeOrAuto,
 )
 from dfcgs_codec.encoder.prior_choice import PriorMode
-from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, QUALITIES, Bound
+from dfcgs_codec.encoder.rate_control import MAX_PSNR, MAX_QP, MIN_PSNR, MIN_QP, QUALITIES, Bound
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.model.registry import DEFAULT_MODEL, DEFAULT_PRIOR
+from dfcgs_codec.views.region import DEFAULT_MARGIN
 
 MAX_GOF_SIZE = 1 << 16
 #: frames at most from one I-frame to the next where the encoder chooses
@@ -44,6 +47,7 @@ AUTO_GOF_SIZE = 60
 #: the paper's L
 PAPER_GOF_SIZE = 10
 _MAX_RATE_TERM = 1 << 32
+_MAX_VIEWS_MARGIN = 10
 
 
 class MotionMode(Enum):
@@ -106,16 +110,21 @@ class EncoderOptions:
     their enumerations; `frame_rate` may be 30, 29.97, "30000/1001" or a Fraction; `bounds` a mapping such
     as `{"position": 0.001}`.
 
-    `qp` 0 (finest) to 51, the step doubles every 6, or "low", "medium", "high" or "transparent"; `bounds`
-    replace the steps of their attributes and guarantee a maximum error; `gof_size` frames at most from one
-    I-frame to the next, None: the encoder chooses, 60 at most; `keep_axes` leaves the order and signs of each
+    `quality`: PSNR of images in dB, or "low", "medium", "high" or "transparent" (32, 37, 42 and 50 dB): the
+    encoder estimates it and chooses the QP; `qp` 0 (finest) to 51, the step doubles every 6, None: by the
+    quality; `bounds` replace the steps of their attributes and guarantee a maximum error; `gof_size` frames
+    at most from one I-frame to the next, None: the encoder chooses, 60 at most; `keep_axes` leaves the order
+    and signs of each
     Gaussian's axes as they were; `compensation` SPREAD ("paper") is the paper's rule, with control points
     moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one control point for
     `control_spacing` Gaussians (M of the paper);
-    `visibility`: steps are coarser for what shows less; `cover`: so they are for what lies behind others;
-    `balance`: steps of attributes follow what they show in the first frame; `steady`: P-frames have steps
-    fine enough to stay about as good as I-frames; `exact`: values that the
+    `visibility`: steps are coarser for what shows less; `balance`: steps of attributes follow what they show
+    in the first frame; `exact`: values that the
     input has quantised are kept as they are, where that is smaller;
+    `views`: the cameras between which viewers stand, as Views or the path of a `cameras.json`, a
+    `transforms.json` or a folder of COLMAP; None, the default, is none, as only the command line looks for
+    them beside the frames. `views_margin`: how far outside viewers stand, as a share of the distance between
+    cameras; `keep_unseen`: what no such viewer sees is kept as well as the rest;
     `intra_zero_bin` is that of I-frames; `prior`: which streams of P-frames take
     the frozen prior; `model_id` names another model than the profile's own; `jobs` processes, None: one for
     each core.
@@ -124,7 +133,8 @@ class EncoderOptions:
     paper's q', a power of two, and a `gof_size` of None means its 10 frames.
     """
 
-    qp: NamedReal = NamedReal(QUALITIES["medium"], QUALITIES)
+    quality: NamedReal = NamedReal(QUALITIES["medium"], QUALITIES)
+    qp: RealOrNone = RealOrNone(None)
     bounds: Bounds = Bounds(())
     gof_size: WholeOrAuto = WholeOrAuto(None)
     intra: Choice[IntraKind] = Choice(IntraKind.CODED)
@@ -143,16 +153,22 @@ class EncoderOptions:
     latent_step: Real = Real(1.0)
     refinement: Choice[RefinementMode] = Choice(RefinementMode.AUTO)
     visibility: Switch = Switch(True)
-    cover: Switch = Switch(True)
     balance: Switch = Switch(True)
-    steady: Switch = Switch(False)
     exact: Switch = Switch(True)
+    views: Cameras = Cameras(None)
+    views_margin: Real = Real(DEFAULT_MARGIN)
+    keep_unseen: Switch = Switch(False)
     intra_zero_bin: Real = Real(0.6)
     jobs: Processes = Processes(1)
 
     def __post_init__(self) -> None:
         checks = {
-            f"--qp {self.qp}: {MIN_QP} to {MAX_QP} was expected": MIN_QP <= self.qp <= MAX_QP,
+            f"--qp {self.qp}: {MIN_QP} to {MAX_QP} was expected": (
+                self.qp is None or MIN_QP <= self.qp <= MAX_QP
+            ),
+            f"--psnr {self.quality}: {MIN_PSNR:g} to {MAX_PSNR:g} dB was expected": (
+                MIN_PSNR <= self.quality <= MAX_PSNR
+            ),
             f"--gof-size {self.gof_size}: auto, or 1 to {MAX_GOF_SIZE} was expected": (
                 self.gof_size is None or 1 <= self.gof_size <= MAX_GOF_SIZE
             ),
@@ -167,20 +183,22 @@ class EncoderOptions:
             f"--latent-step {self.latent_step}: a power of two, 1/16 to 64, was expected": (
                 MIN_LATENT_STEP_LOG2 <= _log2(self.latent_step) <= MAX_LATENT_STEP_LOG2
             ),
-            "--motion, --compensation, --steps, --cover, --balance, --exact and --prior belong to "
-            "--profile main": (
+            "--motion, --compensation, --steps, --balance, --exact and --prior belong to --profile main": (
                 self.profile == Profile.MAIN
                 or (
                     (self.motion, self.compensation, self.prior)
                     == (MotionMode.AUTO, Compensation.GATHER, PriorMode.AUTO)
                     and self.visibility
-                    and self.cover
                     and self.balance
                     and self.exact
                 )
             ),
-            "--steady is part of --balance auto: it needs --profile main, --steps visibility, --intra coded "
-            "and no --keep-axes": not self.steady or self._can_be_balanced,
+            f"--views-margin {self.views_margin}: 0 to {_MAX_VIEWS_MARGIN} was expected": (
+                0 <= self.views_margin <= _MAX_VIEWS_MARGIN
+            ),
+            "--views and --keep-unseen belong to --profile main": (
+                self.profile == Profile.MAIN or not (self.views or self.keep_unseen)
+            ),
             "--latent-step and --refinement belong to --profile paper": (
                 self.profile == Profile.PAPER
                 or (self.latent_step, self.refinement) == (1.0, RefinementMode.AUTO)
@@ -193,13 +211,8 @@ class EncoderOptions:
             f"intra_zero_bin {self.intra_zero_bin}: 0.5 to 1 was expected": 0.5 <= self.intra_zero_bin <= 1.0,
         }
         for message, fine in checks.items():
-            if not fine or math.isnan(self.qp):
+            if not fine:
                 raise InputError(message)
-
-    @property
-    def _can_be_balanced(self) -> bool:
-        coded = self.profile == Profile.MAIN and self.intra == IntraKind.CODED
-        return coded and self.balance and self.visibility and not self.keep_axes
 
     @property
     def latent_step_log2(self) -> int:
@@ -213,30 +226,39 @@ class EncoderOptions:
             return self.model_id or DEFAULT_MODEL
         return "" if self.prior == PriorMode.PLAIN else self.model_id or DEFAULT_PRIOR
 
-    def describe(self) -> str:
-        """The settings in one line, for the file's encoder information."""
+    def describe(self, qp: float) -> str:
+        """The settings in one line, for the file's encoder information; `qp` as it was chosen."""
         if self.profile == Profile.PAPER:
-            return self._describe_paper()
+            return self._describe_paper(qp)
         motion = self.motion.value + ("/spread" if self.compensation == Compensation.SPREAD else "")
         bounds = "".join(f" bound {bound.attribute}={bound.value:g}" for bound in self.bounds)
         return (
-            f"dfcgs-codec {__version__} qp={self.qp:g} gof_size={self.gof_size or 'auto'}"
+            f"dfcgs-codec {__version__} {self._asked}qp={qp:g} gof_size={self.gof_size or 'auto'}"
             f" prior={self.prior.value}{'/' if self.model else ''}{self.model}"
             f" motion={motion} control={self.control_rule.name.lower()}/{self.control_spacing}"
-            f" steps={self._steps}{'' if self.exact else ' exact=off'}"
+            f" steps={self._steps}{'' if self.exact else ' exact=off'}{self._seen}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
         )
+
+    @property
+    def _asked(self) -> str:
+        return f"quality={self.quality:g}dB " if self.qp is None else ""
 
     @property
     def _steps(self) -> str:
         if not self.visibility:
             return "uniform"
-        parts = {"/nocover": not self.cover, "/nobalance": not self.balance, "/steady": self.steady}
-        return "visibility" + "".join(name for name, is_so in parts.items() if is_so)
+        return "visibility" if self.balance else "visibility/nobalance"
 
-    def _describe_paper(self) -> str:
+    @property
+    def _seen(self) -> str:
+        """How many cameras there are, never where they were read."""
+        views = f" views={len(self.views.cameras)}/{self.views_margin:g}" if self.views else ""
+        return views + (" keep_unseen" if self.keep_unseen else "")
+
+    def _describe_paper(self, qp: float) -> str:
         return (
-            f"dfcgs-codec {__version__} profile=paper model={self.model} qp={self.qp:g}"
+            f"dfcgs-codec {__version__} profile=paper model={self.model} {self._asked}qp={qp:g}"
             f" gof_size={self.gof_size or PAPER_GOF_SIZE} latent_step={self.latent_step:g}"
             f" control={self.control_rule.name.lower()}/{self.control_spacing}"
             f" neighbours={self.num_neighbours} refinement={self.refinement.value}"

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.frame_headers import Grading, SortGrid
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.visibility import MULTIPLIER_BITS, Visibility
 from dfcgs_codec.encoder.analysis import Planes, order_of, plan_grid
 from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, no_worse, total_error
 from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
-from dfcgs_codec.encoder.cover import cover_of, light
 from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
+from dfcgs_codec.encoder.patches import Patch
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.sensitivity import image_errors
-from dfcgs_codec.encoder.targets import Targets
 from dfcgs_codec.encoder.trellis_search import ALTERNATING_ERROR
-from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.rotation import round_divide
 
 Int64 = npt.NDArray[np.int64]
@@ -37,8 +34,6 @@ _INTER_POSITION = 0.25
 #: errors of P-frames, if everything changed by more than its step, to those of I-frames, at most: 4.5 dB.
 #: Where everything trembles, P-frames are then 1.9 to 2.2 dB below I-frames in the mean
 _INTER_ERROR = 2.8
-#: the same with `--steady`: zero bins and errors of the I-frame that are never mended add to it
-_STEADY_ERROR = 1.1
 
 
 @dataclass(frozen=True)
@@ -49,16 +44,14 @@ class Placing:
     graded: GradedPlan | None
 
     @staticmethod
-    def of(cloud: GaussianCloud, planes: Planes, plan: SequencePlan, known: Float64 | None = None) -> Placing:
-        """Those of an untracked frame, or of the first of a run; `known` (N,): its light, if it was found."""
+    def of(planes: Planes, plan: SequencePlan, cover: Int64 | None = None) -> Placing:
+        """Those of an untracked frame, or of the first of a run; `cover` (N,): cover classes."""
         if plan.options.keep_axes:
             return Placing(None, None)
         names = choose_axis_names(planes)
         if not plan.is_graded:
             return Placing(names, None)
-        cover = np.zeros(cloud.num_gaussians)
-        if plan.options.cover:
-            cover = cover_of(light(cloud) if known is None else known)
+        cover = np.zeros(len(planes[Attribute.POSITION]), np.int64) if cover is None else cover
         return Placing(names, GradedPlan.of(names.rename(planes), cover, plan.quantisation))
 
     def order(self, positions: Int64, plan: SequencePlan) -> tuple[Int64, SortGrid]:
@@ -70,56 +63,56 @@ class Placing:
         return order_of(indices, grid), grid
 
 
-def balanced_plan(plan: SequencePlan, first: GaussianCloud, escapes: Escapes | None = None) -> SequencePlan:
-    """With steps in proportion to what they show in the `first` frame; `escapes`: its own."""
-    if not (plan.is_graded and plan.options.balance):
-        return plan
-    everyone = np.ones(first.num_gaussians)
-    near = np.arange(first.num_gaussians)
-    if escapes is not None:
-        # who lies apart from all others has no say in how these are coded
-        near = np.setdiff1d(near, escapes.rows)
-    if not len(near):
-        return plan
-    first = first.take(near) if len(near) < len(everyone) else first
-    found, planes = light(first), Targets(plan.header.unit_exponents.from_origin).planes(first)
-    placing = Placing.of(first, planes, plan, found)
-    assert placing.names is not None
-    assert placing.graded is not None
-    planes = placing.names.rename(planes)
-    bounded, grading = plan.quantisation.bounded, placing.graded.grading
-    cover = np.rint(placing.graded.cover).astype(np.int64)
-    state = FrameState({a: Plane(plane) for a, plane in planes.items()}, cover=cover)
-    intra, inter = _in_intra_frames(state, plan, grading), None
-    with ThreadPoolExecutor(2) as beside:
-        looked = beside.submit(image_errors, first, found, intra.draw)
-        if plan.header.num_frames > 1:
-            inter = _in_inter_frames(state, plan)
-            looked_inter = beside.submit(image_errors, first, found, inter.draw)
-    errors = looked.result()
+@dataclass(frozen=True)
+class Balance:
+    """Octaves by which steps of graded I-frames and of P-frames are to be coarser.
+
+    `error`: mean squared error of an I-frame's pixels, 0 where nothing could be seen.
+    """
+
+    graded: dict[Attribute, float]
+    inter: dict[Attribute, float]
+    error: float
+
+
+def balance(plan: SequencePlan, planes: Planes, patches: Sequence[Patch], cover: Int64 | None) -> Balance:
+    """What `patches` show of Gaussians with the `planes` (N, C), quantised as `plan` has it."""
+    placing = Placing.of(planes, plan, cover)
+    planes = planes if placing.names is None else placing.names.rename(planes)
+    classes = None if placing.graded is None else placing.graded.cover
+    state = FrameState({a: Plane(plane) for a, plane in planes.items()}, cover=classes)
+    bounded, grading = plan.quantisation.bounded, None if placing.graded is None else placing.graded.grading
+    intra = _in_intra_frames(state, plan, grading)
+    errors = image_errors(patches, intra.draw)
+    if grading is None:
+        return Balance({}, {}, total_error(errors, {}))
     for attribute in grading.alternating & errors.keys():
         errors[attribute] = errors[attribute].scaled(ALTERNATING_ERROR)
+    error = total_error(errors, {})
     graded = balanced_octaves(errors, intra, bounded)
-    octaves: dict[Attribute, float] = {}
-    if inter is not None:
-        most = _STEADY_ERROR if plan.options.steady else _INTER_ERROR
-        limit = most * total_error(errors, {})
-        errors = looked_inter.result()
-        shares = {Attribute.POSITION: _INTER_POSITION}
-        counted = {a: error.scaled(shares.get(a, 1.0)) for a, error in errors.items()}
-        octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, inter, bounded).items()}
-        octaves = no_worse(octaves, errors, limit)
-    everyone[near] = found
-    return replace(plan, quantisation=plan.quantisation.balanced(graded, octaves), first_light=everyone)
+    if plan.header.num_frames < 2:
+        return Balance(graded, {}, error)
+    inter = _in_inter_frames(state, plan)
+    errors = image_errors(patches, inter.draw)
+    shares = {Attribute.POSITION: _INTER_POSITION}
+    counted = {a: e.scaled(shares.get(a, 1.0)) for a, e in errors.items()}
+    octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, inter, bounded).items()}
+    return Balance(graded, no_worse(octaves, errors, _INTER_ERROR * error), error)
 
 
 def _wide(state: FrameState) -> dict[Attribute, Int64]:
     return {attribute: plane.wide() for attribute, plane in state.planes.items()}
 
 
-def _in_intra_frames(state: FrameState, plan: SequencePlan, grading: Grading) -> Quantised:
+def _in_intra_frames(state: FrameState, plan: SequencePlan, grading: Grading | None) -> Quantised:
     """The Gaussians of `state` as I-frames quantise them."""
     quantisation = plan.quantisation
+    if grading is None:
+        count = state.num_gaussians
+        same = {
+            a: np.full((count, 1), float(step)) for a, step in quantisation.steps.items() if a in state.planes
+        }
+        return Quantised(_wide(state), same, quantisation.units, 0.5)
     steps = steps_in_intra_frame(state, quantisation.units, grading, quantisation.graded_steps)
     real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
     zero_bin = plan.options.intra_zero_bin

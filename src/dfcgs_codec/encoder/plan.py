@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
-import numpy.typing as npt
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, Profile
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
@@ -13,10 +11,9 @@ from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.gof_state import GofSetup
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.rate_control import Quantisation
+from dfcgs_codec.encoder.shown import Region, Seen
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.registry import context_model
-
-Float64 = npt.NDArray[np.float64]
 
 #: log2 of the Gaussians in a significance block
 BLOCK_LOG2 = 6
@@ -26,18 +23,34 @@ BLOCK_LOG2 = 6
 class SequencePlan:
     """Header, steps and options of a sequence; `anchors[i]` is the first frame of frame i's run.
 
-    `first_frame`: the first one with Gaussians, which steps and grids were planned from; `first_light` (N,):
-    the share of light that reaches each Gaussian of it, where it was measured. `comments` of the input's PLY
-    files are kept.
+    `qp`: the one that steps are from; `estimate`: the PSNR of images that they lead to, dB, where it could be
+    found. `region`: where viewers stand, if that is known, and what is `seen` of a run, by its first frame.
+    `comments` of the input's PLY files are kept.
     """
 
     header: SequenceHeader
     quantisation: Quantisation
     options: EncoderOptions
+    qp: float
     anchors: list[int]
-    first_frame: int = 0
-    first_light: Float64 | None = None
+    estimate: float | None = None
+    region: Region | None = None
+    seen: Mapping[int, Seen] = field(default_factory=dict)
     comments: tuple[bytes, ...] = ()
+
+    @property
+    def num_unseen(self) -> int | None:
+        """How many Gaussians of the first run are left out, where cameras say who shows."""
+        return next((seen.num_left_out for seen in self.seen.values()), None)
+
+    def describe(self) -> str:
+        """Settings and what was chosen, in one line."""
+        parts = [self.options.describe(self.qp)]
+        if self.estimate is not None:
+            parts.append(f"estimate={self.estimate:.1f}dB")
+        if self.num_unseen is not None:
+            parts.append(f"unseen={self.num_unseen}")
+        return " ".join(parts)
 
     @property
     def steps(self) -> dict[Attribute, int]:

@@ -20,11 +20,16 @@ from dfcgs_codec.transform.companding import ALPHA_PER_UNIT
 MIN_QP, MAX_QP = 0, 51
 #: the step doubles every six QP
 QP_PER_OCTAVE = 6
+_DB_PER_OCTAVE = 6.02
 #: below the reference QP the position's step halves faster: the error it causes shrinks with the 1.3rd power
 #: of the step only, not with its square, because Gaussians that swap places in depth change the image at once
 FINE_POSITION_QP_PER_OCTAVE = 4
-#: QP of each quality name: transparent is 50 dB and high 42 dB or better on every evaluation scene
-QUALITIES = {"low": 34, "medium": 28, "high": 18, "transparent": 8}
+#: PSNR of images of each quality name, dB
+QUALITIES = {"low": 32.0, "medium": 37.0, "high": 42.0, "transparent": 50.0}
+#: PSNRs that can be asked for, dB
+MIN_PSNR, MAX_PSNR = 15.0, 70.0
+#: where the search for the QP of a quality begins: scenes differ by 6 dB to both sides
+_TYPICAL_QP, _TYPICAL_PSNR = 28.0, 37.0
 REFERENCE_QP = 22
 #: steps at the reference QP and for REFERENCE_VALUES values to a Gaussian (SH degree 2); position: in typical
 #: Gaussian sizes; rotation: stereographic. Their ratios give the last bit of each attribute about the same
@@ -64,6 +69,12 @@ BOUND_UNITS = {
 #: RGB per unit of the SH degree 0 coefficient
 SH_C0 = 0.28209479177387814
 _COARSEST_EXPONENT = -12
+
+
+def expected_qp(qp: float | None, quality: float) -> float:
+    """`qp`, or the one that gives the `quality`, dB, in a typical scene."""
+    typical = _TYPICAL_QP - (quality - _TYPICAL_PSNR) * QP_PER_OCTAVE / _DB_PER_OCTAVE
+    return min(max(typical, MIN_QP), MAX_QP) if qp is None else qp
 
 
 @dataclass(frozen=True)

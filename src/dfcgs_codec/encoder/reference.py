@@ -51,7 +51,7 @@ class InputFrame:
     """A frame of the input, and what is to be said of it.
 
     `cloud` has the values that the grids hold, `planes` its integers, in its own order; `escapes` are all
-    others.
+    others; `cover` classes (N,), None: all 0.
     """
 
     original: GaussianCloud
@@ -59,6 +59,7 @@ class InputFrame:
     planes: Planes
     escapes: Escapes | None
     notes: list[str]
+    cover: Int64 | None = None
 
 
 @dataclass(frozen=True)

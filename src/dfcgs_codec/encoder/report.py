@@ -128,7 +128,9 @@ class EncodeReport:
     """Frames, file size, measured errors, and notes about the input.
 
     `held_frames`: P-frames whose profile kept what changed in the input besides position and rotation;
-    `num_escapes`: values that the grids do not hold, in `escaped_frames`.
+    `num_escapes`: values that the grids do not hold, in `escaped_frames`; `qp` that was chosen;
+    `estimated_psnr` of images, dB, None where nothing can be said; `num_unseen`: Gaussians of the first frame
+    that show from none of the cameras and are left out, None without cameras.
     """
 
     frames: list[FrameRecord] = field(default_factory=list)
@@ -138,6 +140,9 @@ class EncodeReport:
     held_frames: int = 0
     num_escapes: int = 0
     escaped_frames: int = 0
+    qp: float | None = None
+    estimated_psnr: float | None = None
+    num_unseen: int | None = None
 
     def add_frame(self, record: FrameRecord, errors: dict[str, ErrorStatistics]) -> None:
         """Record a frame and its errors."""

@@ -37,6 +37,7 @@ from dfcgs_codec.encoder.placing import Placing
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.reference import CodedGof, CodedReference, CodedSegment, InputFrame, RunStart
 from dfcgs_codec.encoder.report import FrameRecord
+from dfcgs_codec.encoder.shown import Shown
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.triage import is_tracked
 from dfcgs_codec.gaussians import GaussianCloud
@@ -56,6 +57,7 @@ class SegmentEncoder:
     def __init__(self, source: FrameSource, plan: SequencePlan) -> None:
         self._source = source
         self._plan = plan
+        self._shown = Shown(source, plan.region, plan.anchors, plan.seen)
         self._grids = Grids(plan.header.unit_exponents)
         self._targets = Targets(plan.header.unit_exponents.from_origin)
         self._inter_coder = InterCoder(plan)
@@ -102,9 +104,11 @@ class SegmentEncoder:
     def _read(self, index: int) -> InputFrame:
         original, notes = self._source.read(index)
         check_announced(self._source, index, original, self._plan.header.sh_degree)
+        seen = self._shown.of(index, original)
+        original = seen.of(original)
         cloud, escapes = self._grids.split(original, self._before)
         self._before = cloud
-        return InputFrame(original, cloud, self._targets.planes(cloud), escapes, notes)
+        return InputFrame(original, cloud, self._targets.planes(cloud), escapes, notes, seen.cover)
 
     def _next(self, index: int, frame: InputFrame, before: CodedReference | None) -> CodedReference:
         """P or I, whichever is smallest; I is tried only where P is large or cannot be."""
@@ -116,11 +120,11 @@ class SegmentEncoder:
         if before is not None and before.cloud.num_gaussians:
             limit = _TRY_INTRA_SHARE * before.intra_bytes
             if is_tracked(before.cloud, cloud):
-                found.append(self._inter(index, (cloud, planes), before, same_members(before.members)))
+                found.append(self._inter(index, frame, before, same_members(before.members)))
             if self._latent_coder is None and (not found or len(found[0].coded.data) > limit):
                 succession = found_members(before.members, before.cloud, cloud, before.moved)
                 if succession is not None:
-                    found.append(self._inter(index, (cloud, planes), before, succession))
+                    found.append(self._inter(index, frame, before, succession))
         if not found or min(len(loop.coded.data) for loop in found) > limit:
             found.append(self._intra(index, frame))
         best = min(found, key=lambda loop: len(loop.coded.data))
@@ -139,12 +143,12 @@ class SegmentEncoder:
         return loop.colours.are_behind(loop.coded.state, fresh)
 
     def _inter(
-        self, index: int, frame: tuple[GaussianCloud, Planes], before: CodedReference, succession: Succession
+        self, index: int, frame: InputFrame, before: CodedReference, succession: Succession
     ) -> CodedReference:
-        cloud, planes = frame
+        cloud, planes = frame.cloud, frame.planes
         members, kept = succession.members, succession.kept
         state = before.coded.state
-        births = self._inter_coder.births(succession, planes, state)
+        births = self._inter_coder.births(succession, frame, state)
         if births is not None:
             state = state.survivors(kept, BLOCK_LOG2)
         target_before = before.target if succession.all_survive else ordered(before.target, kept)
@@ -209,7 +213,7 @@ class SegmentEncoder:
         cloud, planes = frame.cloud, frame.planes
         anchor, first = self._anchor(index), self._plan.anchors[index]
         tracked = is_tracked(anchor.cloud, cloud)
-        placing = anchor.placing if tracked else Placing.of(cloud, planes, self._plan)
+        placing = anchor.placing if tracked else Placing.of(planes, self._plan, frame.cover)
         order, grid = placing.order(planes[Attribute.POSITION], self._plan)
         permutation = self._permutation(order, anchor if tracked else None)
         if self._plan.options.intra == IntraKind.PLY:
@@ -265,10 +269,11 @@ class SegmentEncoder:
     def _anchor(self, index: int) -> RunStart:
         first = self._plan.anchors[index]
         if first not in self._anchors:
-            cloud, _ = self._grids.split(self._source.read(first)[0])
+            start = self._source.read(first)[0]
+            seen = self._shown.of(first, start)
+            cloud, _ = self._grids.split(seen.of(start))
             planes = Targets(self._plan.header.unit_exponents.from_origin).planes(cloud)
-            known = self._plan.first_light if first == self._plan.first_frame else None
-            placing = Placing.of(cloud, planes, self._plan, known)
+            placing = Placing.of(planes, self._plan, seen.cover)
             rank = np.empty(cloud.num_gaussians, np.int64)
             rank[placing.order(planes[Attribute.POSITION], self._plan)[0]] = np.arange(len(rank))
             self._anchors = {first: RunStart(cloud, rank, placing)}

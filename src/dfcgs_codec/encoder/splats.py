@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
+
+from dfcgs_codec.gaussians import GaussianCloud
 
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
@@ -55,6 +57,18 @@ class Splats:
     deviations: Float64
     alpha: Float64
     colours: Float64
+
+    @staticmethod
+    def of(cloud: GaussianCloud) -> Splats:
+        """Those of a frame."""
+        colours = np.concatenate([cloud.sh_dc[:, :, None], cloud.sh_rest], axis=2).astype(np.float64)
+        turns = rotation_matrices(cloud.rotations)
+        spread, alpha = deviations(cloud.scales), alpha_of(cloud.opacities)
+        return Splats(cloud.positions.astype(np.float64), turns, spread, alpha, colours)
+
+    def take(self, rows: Int64) -> Splats:
+        """Some of them."""
+        return Splats(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 def harmonics(directions: Float64, count: int) -> Float64:

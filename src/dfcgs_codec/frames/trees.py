@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dfcgs_codec.errors import InputError
+from dfcgs_codec.frames.leftovers import of_copies, of_parts, without_copies, without_parts
 from dfcgs_codec.frames.listing import check_is_file, entries
 from dfcgs_codec.frames.names import ITERATION, Name, groups, parse
 from dfcgs_codec.frames.refusals import some
@@ -152,6 +153,8 @@ def find(folder: Path) -> Chosen | None:
             f"{folder}: no PLY in the folder itself, and more than {_MAX_FOLDERS} folders below it; choose "
             f"the frames with --pattern, such as {names[0]}"
         )
+    names, parts = without_parts(names)
+    names, copies = without_copies(names)
     found = latest(names)
     kinds = groups([parse(name) for name in found.names])
     if len(kinds) > 1:
@@ -160,6 +163,7 @@ def find(folder: Path) -> Chosen | None:
     files = "1 file" if len(found.names) == 1 else f"{len(found.names)} files"
     notes = [f"no PLY in {folder} itself; taken: {files} of its subfolders, as with --pattern {pattern}"]
     notes += found.notes
+    notes += of_parts(parts, found.names) + of_copies(copies)
     if point_clouds:
         notes.append(f"left out, as training starts from it: {some(point_clouds)}")
     missing = _missing(folder, found.names)

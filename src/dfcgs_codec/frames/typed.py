@@ -17,8 +17,9 @@ _DGS_ENDING = ".dgs"
 _LISTS = (".txt", ".csv", ".lst", ".list")
 
 
-def _is_ply(path: Path) -> bool:
-    return path.name.lower().endswith(".ply")
+def _can_be_frames(path: Path) -> bool:
+    """Whether the name is that of a PLY, or of an .npz, whose timesteps are frames."""
+    return path.name.lower().endswith((".ply", ".npz"))
 
 
 def check_arguments(frames: Sequence[str], output: str) -> None:
@@ -90,7 +91,7 @@ def _check_one(path: Path, *, alone: bool) -> bool:
         return True
     if not stat.S_ISREG(mode):
         raise InputError(f"{path} is a pipe or a device; frames are read from a folder of PLY files")
-    if not _is_ply(path) and not readable([path.name]) and not _starts_like_ply(path):
+    if not _can_be_frames(path) and not readable([path.name]) and not _starts_like_ply(path):
         if alone:
             raise _not_frames(path)
         raise InputError(
@@ -115,10 +116,10 @@ def _refuse_folders(folders: list[Path], files: list[Path]) -> InputError:
 
 
 def typed_frames(arguments: Sequence[str | Path]) -> Path | list[Path]:
-    """The folder that is meant, or the PLY files.
+    """The folder that is meant, or the files.
 
-    `arguments`: a folder, PLY files, or globs of them. InputError for anything else, with what to type
-    instead.
+    `arguments`: a folder, PLY files, globs of them, or an .npz. InputError for anything else, with
+    what to type instead.
     """
     paths: list[Path] = []
     for argument in map(str, arguments):

@@ -26,7 +26,10 @@ _BY_SUFFIX = {
     ".lcc": "an LCC file",
 }
 _WITHOUT_CONVERTER = {
-    ".npz": f"numpy arrays, no PLY; {_TRAINER}",
+    ".npz": (
+        "numpy arrays, no PLY; name the file itself if it is the params.npz of Dynamic 3D Gaussians, or "
+        f"{_TRAINER}"
+    ),
     ".npy": f"a numpy array, no PLY; {_TRAINER}",
     ".pth": f"a PyTorch checkpoint, no PLY; {_TRAINER}",
     ".pt": f"a PyTorch checkpoint, no PLY; {_TRAINER}",

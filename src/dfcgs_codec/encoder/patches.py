@@ -1,0 +1,183 @@
+"""Patches of images: few pixels, and the Gaussians that show there. What an encoder looks at.
+
+An encoder's choice; floats are welcome here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from dfcgs_codec.encoder.projection import LEAST_ALPHA, MOST_ALPHA, project
+from dfcgs_codec.encoder.splats import Splats, extent, harmonics
+from dfcgs_codec.views.camera import ViewCamera
+
+Float32 = npt.NDArray[np.float32]
+Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
+
+#: patches that are looked at
+PATCHES = 96
+#: pixels along a side of a patch, and from one that is looked at to the next
+_SIDE = 8
+_STRIDE = 2
+#: a patch has no more Gaussians: those that show most
+_MOST_GAUSSIANS = 6000
+#: what never adds more than this to a pixel does not show there
+_LEAST_WEIGHT = 1.0 / 2048.0
+#: without cameras, pixels are as wide as the median of so many Gaussians nearby, but the scene is at least,
+#: and at most, so many pixels wide
+_NEARBY = 64
+_FEWEST_PIXELS, _MOST_PIXELS = 400.0, 20_000.0
+#: then what is looked at lies so far before and behind, in pixels, and the camera so many times as far away
+_REACH = 80.0
+_AWAY = 50.0
+#: no Gaussian is drawn farther out, in deviations
+_REACHED = 3.4
+_GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A patch before it is blended: opacities (n, pixels), shades (n, 3) and depth (n,) of its Gaussians."""
+
+    alphas: Float32
+    shades: Float32
+    depth: Float64
+
+    def weights(self, order: Int64) -> Float32:
+        """What Gaussians add to pixels, (n, pixels), drawn in that order, which is that of the rows."""
+        weights = self.alphas[order]
+        weights[1:] *= np.cumprod(1 - weights[:-1], axis=0)
+        return weights
+
+    def image(self, order: Int64 | None = None) -> Float32:
+        """Pixels (pixels, 3) as a display shows them; the order by depth if none is given."""
+        order = np.argsort(self.depth, kind="stable") if order is None else order
+        image: Float32 = np.clip(self.weights(order).T @ self.shades[order], 0.0, 1.0)
+        return image
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Pixels of a camera's image from `corner` (2,) on, and the `rows` of the Gaussians that show there.
+
+    What is nearer than `near`, in scene units, is not drawn.
+    """
+
+    camera: ViewCamera
+    corner: Float64
+    near: float
+    rows: Int64
+
+    def draw(self, splats: Splats) -> Drawing:
+        """The Gaussians of the patch."""
+        ellipses = project(splats, self.camera, self.near)
+        half = 0.5 / (ellipses.a * ellipses.c - ellipses.b**2)
+        a, b, c = ((k * half)[:, None].astype(np.float32) for k in (ellipses.c, 2 * ellipses.b, ellipses.a))
+        place = self.corner[:, None] + np.arange(_SIDE) * _STRIDE + 0.5
+        u = (place[0] - ellipses.middle[:, :1]).astype(np.float32)
+        v = (place[1] - ellipses.middle[:, 1:]).astype(np.float32)
+        power = (a * u * u)[:, :, None] + (c * v * v)[:, None, :]
+        power -= (b * u)[:, :, None] * v[:, None, :]
+        alphas = np.exp(-power, out=power).reshape(len(u), -1)
+        alphas *= np.where(ellipses.is_before, splats.alpha, 0.0)[:, None].astype(np.float32)
+        alphas[~(alphas >= LEAST_ALPHA)] = 0.0
+        np.minimum(alphas, np.float32(MOST_ALPHA), out=alphas)
+        return Drawing(alphas, self._shades(splats), ellipses.depth)
+
+    def _shades(self, splats: Splats) -> Float32:
+        """Colours (n, 3) as they are seen from there."""
+        away = splats.positions - self.camera.position
+        away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
+        basis = harmonics(away, splats.colours.shape[2])
+        shades = np.einsum("nck,nk->nc", splats.colours, basis) + 0.5
+        shown: Float32 = np.maximum(shades, 0.0).astype(np.float32)
+        return shown
+
+
+def _showing(splats: Splats, camera: ViewCamera, near: float, corners: Float64) -> Iterator[Patch]:
+    """Patches of one image, at `corners` (n, 2)."""
+    ellipses = project(splats, camera, near)
+    reach = ellipses.reach(splats.alpha)
+    low, high = ellipses.middle - reach, ellipses.middle + reach
+    for corner in corners:
+        end = corner + _SIDE * _STRIDE
+        rows = np.flatnonzero((high > corner).all(axis=1) & (low < end).all(axis=1))
+        patch = Patch(camera, corner, near, rows)
+        drawing = patch.draw(splats.take(rows))
+        order = np.argsort(drawing.depth, kind="stable")
+        most = drawing.weights(order).max(axis=1, initial=0.0)
+        shown = np.argsort(-most, kind="stable")[:_MOST_GAUSSIANS]
+        rows = rows[np.sort(order[shown[most[shown] > _LEAST_WEIGHT]])]
+        yield Patch(camera, corner, near, rows)
+
+
+def patches_of_views(splats: Splats, cameras: Sequence[ViewCamera], near: float) -> list[Patch]:
+    """Patches spread over the images of `cameras`; near: scene units."""
+    random = np.random.default_rng(1)
+    each = -(-PATCHES // len(cameras))
+    found: list[Patch] = []
+    for camera in cameras:
+        sides = np.maximum(np.array([camera.width, camera.height]) - _SIDE * _STRIDE, 1)
+        # one in each of as many columns of the image, in random order of rows
+        across = (np.arange(each) + random.random(each)) / each
+        down = (random.permutation(each) + random.random(each)) / each
+        found += _showing(splats, camera, near, np.floor(np.stack([across, down], axis=1) * sides))
+    return found
+
+
+def _directions() -> Float64:
+    """Unit vectors (PATCHES, 3), spread evenly."""
+    height = 1.0 - (2.0 * np.arange(PATCHES) + 1.0) / PATCHES
+    turn, radius = _GOLDEN_ANGLE * np.arange(PATCHES), np.sqrt(1.0 - height**2)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+
+
+def _pixels(positions: Float64, widths: Float64, targets: Int64) -> Float64:
+    """How wide pixels are about each target, scene units: as Gaussians nearby, median of `widths` (N,)."""
+    tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
+    nearby = tree.query(positions[targets], k=range(1, min(_NEARBY, len(positions)) + 1))[1]
+    medians: Float64 = np.median(widths[nearby], axis=1)
+    return medians
+
+
+def patches_nearby(splats: Splats) -> list[Patch]:
+    """Patches without cameras: each looks at a Gaussian closely, from anywhere; none where nothing shows.
+
+    Training makes Gaussians a few pixels wide in the images that it has, and as many as these have details.
+    So each Gaussian is as likely to be looked at, whatever its size, and pixels are as wide as the Gaussians
+    there: a room does not drown what stands in it, and walls do not hide what stands before them.
+    """
+    positions = splats.positions
+    size = extent(positions)
+    if not 0.0 < size < np.inf:
+        return []
+    seen_before = np.cumsum(splats.alpha)
+    if not 0.0 < seen_before[-1] < np.inf:
+        return []
+    drawn = np.random.default_rng(0).random(PATCHES) * seen_before[-1]
+    targets = np.minimum(np.searchsorted(seen_before, drawn, side="right"), len(positions) - 1)
+    _, middle, long = np.sort(splats.deviations, axis=1).T
+    pixels = _pixels(positions, np.sqrt(middle * long), targets)
+    pixels = np.clip(pixels, size / _MOST_PIXELS, size / _FEWEST_PIXELS)
+    found = []
+    for target, direction, pixel in zip(targets.tolist(), _directions(), pixels.tolist(), strict=True):
+        across = np.cross(direction, (0.31, 0.57, 0.76))
+        across /= np.linalg.norm(across)
+        frame = np.stack([across, np.cross(direction, across), direction])
+        local = np.abs((positions - positions[target]) @ frame.T)
+        tube = _REACHED * long + _SIDE * _STRIDE * pixel
+        near = np.flatnonzero((local[:, 2] < _REACH * pixel) & (local[:, 0] < tube) & (local[:, 1] < tube))
+        away = _AWAY * _REACH * pixel
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = frame, -frame @ (positions[target] - away * direction)
+        sides, focal = _SIDE * _STRIDE, _AWAY * _REACH
+        camera = ViewCamera(sides, sides, focal, focal, sides / 2, sides / 2, pose)
+        for patch in _showing(splats.take(near), camera, 0.5 * away, np.zeros((1, 2))):
+            found.append(Patch(camera, patch.corner, patch.near, near[patch.rows]))
+    return found

@@ -1,0 +1,1 @@
+"""Where viewers stand: camera poses beside a sequence, and places between and around them."""
