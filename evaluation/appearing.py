@@ -57,7 +57,7 @@ def _coded(frames: list[GaussianCloud], gof_size: int | None) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "a.dgs"
         report = encode_sequence(
-            frames, target, EncoderOptions(qp="high", gof_size=gof_size, order="input", jobs=2)
+            frames, target, EncoderOptions(quality="high", gof_size=gof_size, order="input", jobs=2)
         )
         decoded = [frame.cloud() for frame in decode_sequence(target)]
     cameras = views(frames[0])[:2]

@@ -177,7 +177,7 @@ def identities_told(frames: list[GaussianCloud], ids: list[Int64]) -> Iterator[N
 def _bytes_told(frames: list[tuple[GaussianCloud, Int64]], file: Path) -> int:
     clouds, ids = [cloud for cloud, _ in frames], [own for _, own in frames]
     with identities_told(clouds, ids):
-        encode_sequence(clouds, file, EncoderOptions(qp=QUALITY))
+        encode_sequence(clouds, file, EncoderOptions(quality=QUALITY))
     return file.stat().st_size
 
 

@@ -87,7 +87,7 @@ def rate_scene(scene: Scene, presets: Arguments[str], num_frames: int, views: bo
     rows = {}
     for preset in presets:
         setting = f"{preset} --views" if with_views else preset
-        rows[setting] = rate(subject, EncoderOptions(qp=preset, **more))
+        rows[setting] = rate(subject, EncoderOptions(quality=preset, **more))
         print(_line(scene.name, setting, rows[setting]), flush=True)
     return rows
 

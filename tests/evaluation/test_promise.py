@@ -41,7 +41,7 @@ def subject(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Subject:
 
 
 def test_a_row_says_how_far_below_the_worst_frame_is(subject: Subject) -> None:
-    row = promise.rate(subject, EncoderOptions(qp="high"))
+    row = promise.rate(subject, EncoderOptions(quality="high"))
     assert set(row["psnr_by_frame"]) == {"0", "2"}
     assert row["worst_minus_mean"] == pytest.approx(min(row["psnr_by_frame"].values()) - row["psnr"])
     assert row["bytes_per_frame"] > 0
@@ -59,7 +59,7 @@ def test_an_estimate_of_the_encoder_is_shown(subject: Subject, monkeypatch: pyte
 
     encode = promise.encode_sequence
     monkeypatch.setattr(promise, "encode_sequence", lambda *arguments: Told(encode(*arguments)))
-    row = promise.rate(subject, EncoderOptions(qp="high"))
+    row = promise.rate(subject, EncoderOptions(quality="high"))
     assert row["estimated_psnr"] == 41.5
     assert f"expected 41.50 ({41.5 - row['psnr']:+5.2f})" in promise._line("blob", "high", row)
 
