@@ -18,8 +18,8 @@ from evaluation.record import REPOSITORY
 _MORE_QPS = (40,)
 #: QPs of the curves beside the default one
 _OTHER_QPS = (18, 28, 34)
-#: QPs of uniform steps, from below what `low` shows to about `transparent`; images of rooms fall apart at once
-#: where steps become coarser than what stands before the camera
+#: QPs of uniform steps, from below what `low` shows to about `transparent`; images of rooms fall apart
+#: at once where steps become coarser than what stands before the camera
 _UNIFORM_QPS = (28, 23, 18, 13, 8)
 #: our curves: label and further options of `dfcgs encode`
 CODEC_CURVES = {
