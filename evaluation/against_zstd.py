@@ -23,8 +23,8 @@ from dfcgs_codec.encoder.analysis import (
     plan_grid,
 )
 from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.encoder import plan_sequence
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
+from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.targets import Targets, ordered
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.transform.rotation import round_divide
@@ -34,7 +34,7 @@ from evaluation.scenes import BENCHMARK_SCENES, make_scene
 
 _GOF_SIZE = 10
 #: with the same errors as the baseline
-_OPTIONS = EncoderOptions(zero_bin=0.5, order=OutputOrder.FREE, gof_size=_GOF_SIZE, visibility=False)
+_OPTIONS = EncoderOptions(qp=28, zero_bin=0.5, order=OutputOrder.FREE, gof_size=_GOF_SIZE, visibility=False)
 
 
 def _targets(source: MemorySource, plan: SequencePlan) -> list[Planes]:

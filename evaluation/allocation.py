@@ -35,7 +35,7 @@ TARGETS = (-34.0, -38.0, -42.0, -46.0, -50.0)
 _MOST_GAUSSIANS = 20_000
 _GRID = np.linspace(OCTAVES[0], OCTAVES[-1], 401)
 _SMALLEST_ERROR = 1e-13
-_UNIFORM = EncoderOptions(visibility=False, exact=False)
+_UNIFORM = EncoderOptions(qp=28, visibility=False, exact=False)
 
 
 @contextmanager

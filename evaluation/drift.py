@@ -2,8 +2,8 @@
 
     python -m evaluation.drift [--only NAME ...]
 
-The long scenes are coded at one QP with every GoF size, with and without `--steady`, and with I-frames only
-(NAMEs: `intra`, `gof60`, `steady60` and so on; the others stay as they were). Each frame is rendered from
+The long scenes are coded at one QP with every GoF size, and with I-frames only
+(NAMEs: `intra`, `gof60` and so on; the others stay as they were). Each frame is rendered from
 two views; drift is the difference of its PSNR from that of all-intra coding, frame by frame, and `slope` the
 least-squares slope of that difference, decibel per 100 frames.
 """
@@ -41,7 +41,6 @@ _INTRA = "intra"
 VARIANTS: dict[str, list[str]] = {
     _INTRA: ["--gof-size", "1"],
     **{f"gof{size}": ["--gof-size", str(size)] for size in GOF_SIZES},
-    **{f"steady{size}": ["--gof-size", str(size), "--steady"] for size in GOF_SIZES},
 }
 
 

@@ -36,7 +36,6 @@ QPS = (2, 6, 10, 14, 18, 22, 26, 30, 34, 40)
 CURVES: dict[str, list[str]] = {
     "graded": [],
     "no balance": ["--balance", "off"],
-    "no cover": ["--cover", "off"],
     "uniform": ["--steps", "uniform"],
 }
 _BASELINES = ("spz", "sog")

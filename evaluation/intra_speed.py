@@ -19,7 +19,8 @@ from training.scenes.catalogue import scene
 
 _SCENE = "mage_spell"
 _REPEATS = 3
-VARIANTS = {"graded": EncoderOptions(), "uniform": EncoderOptions(visibility=False)}
+QP = 28
+VARIANTS = {"graded": EncoderOptions(qp=QP), "uniform": EncoderOptions(qp=QP, visibility=False)}
 
 
 def measure(cloud: GaussianCloud, options: EncoderOptions) -> dict[str, Any]:
@@ -48,6 +49,7 @@ def main() -> None:
         print(name, row)
     conditions = {
         "scene": _SCENE,
+        "qp": QP,
         "num_gaussians": cloud.num_gaussians,
         "sh_degree": cloud.sh_degree,
         "repeats": _REPEATS,

@@ -10,8 +10,6 @@ from evaluation.results_file import results
 from evaluation.surroundings import VARIANTS
 
 _OTHERS = ("spz", "sog")
-#: the QP whose bytes and PSNR stand in the table of surroundings
-_SHOWN_QP = 28
 
 
 def _ratio(value: float | None) -> str:
@@ -78,16 +76,16 @@ def quantised_table() -> str:
 
 def surroundings_table() -> str:
     """An object alone and in surroundings: the default, and what leaving parts of the encoder out costs."""
-    others = [variant for variant in VARIANTS if variant != "default"]
+    medium, others = 28, [variant for variant in VARIANTS if variant != "default"]
     rows = []
     for name, splat in results("surroundings").items():
         for where, found in splat.items():
-            (point,) = (p for p in found["default"]["points"] if p["qp"] == _SHOWN_QP)
+            (point,) = (p for p in found["default"]["points"] if p["qp"] == medium)
             rates = [found[variant]["bd_rate"] for variant in others]
             cells = [name, where, str(found["num_gaussians"])]
             cells.append(f"{point['bytes'] / 1000:.0f} kB, {point['psnr']:.1f} dB")
             rows.append([*cells, *("-" if rate is None else f"{rate:+.1f} %" for rate in rates)])
-    head = ["splat", "where", "N", f"default, QP {_SHOWN_QP}", *(f"{v}, BD-rate" for v in others)]
+    head = ["splat", "where", "N", f"default, QP {medium}", *(f"{v}, BD-rate" for v in others)]
     return table(head, rows)
 
 

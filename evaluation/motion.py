@@ -21,11 +21,10 @@ from evaluation.assets import has_asset
 from evaluation.bd import bd_delta
 from evaluation.bench import PLANS, known_results, subject_of
 from evaluation.measure import Subject, measure
-from evaluation.points import Point, codec_point
+from evaluation.points import CURVE_QPS, Point, codec_point
 from evaluation.record import write_result
 from training.scenes.catalogue import group
 
-_QPS = [18, 28, 34]
 _DEFAULT = "default"
 #: options of `dfcgs encode` by variant
 VARIANTS: dict[str, list[str]] = {
@@ -38,7 +37,6 @@ VARIANTS: dict[str, list[str]] = {
     "M = 140": ["--control-spacing", "140"],
     "M = 280": ["--control-spacing", "280"],
     "stride": ["--control-points", "stride"],
-    "steady": ["--steady"],
 }
 #: what no option leaves out is left out in the encoder's process: statements before it runs
 PATCHES = {
@@ -74,7 +72,7 @@ def variant_point(variant: str, qp: int) -> Point:
 
 def _points(subject: Subject, variant: str) -> list[Figures]:
     """Figures of a variant at every QP."""
-    rows = [measure(subject, variant_point(variant, qp)) for qp in _QPS]
+    rows = [measure(subject, variant_point(variant, qp)) for qp in CURVE_QPS]
     return [row for row in rows if "bytes" in row]
 
 
@@ -88,7 +86,7 @@ def compare(default: list[Figures], rows: list[Figures]) -> Figures:
     for name, size in (("file", lambda row: row["bytes"]), ("inter", _inter_bytes)):
         delta = bd_delta([(size(r), r["psnr"]) for r in default], [(size(r), r["psnr"]) for r in rows])
         found[f"bd_rate_{name}"] = None if delta is None else round(delta.bd_rate, 2)
-    medium = rows[1] if len(rows) == len(_QPS) else rows[0]
+    medium = rows[1] if len(rows) == len(CURVE_QPS) else rows[0]
     return found | {
         "frame_types": medium["frame_types"],
         "bytes_by_attribute": medium["bytes_by_attribute"],
@@ -124,7 +122,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
                 flush=True,
             )
         path = write_result(
-            "motion", {"frames": args.frames, "qps": _QPS, "variants": VARIANTS | PATCHES}, results
+            "motion", {"frames": args.frames, "qps": CURVE_QPS, "variants": VARIANTS | PATCHES}, results
         )
     print(path)
 

@@ -16,8 +16,8 @@ from evaluation.record import REPOSITORY
 
 #: QPs between and beyond the presets, so that curves reach what the others offer
 _MORE_QPS = (40,)
-#: QPs of the curves beside the default one
-_OTHER_QPS = (18, 28, 34)
+#: QPs of a typical scene at `high`, `medium` and `low`: those of the curves beside the default one
+CURVE_QPS = (18, 28, 34)
 #: QPs of uniform steps, from below what `low` shows to about `transparent`; images of rooms fall apart
 #: at once where steps become coarser than what stands before the camera
 _UNIFORM_QPS = (28, 23, 18, 13, 8)
@@ -89,7 +89,7 @@ def codec_points() -> list[Point]:
     points = [codec_point("dfcgs", name, ["--quality", name], name) for name in QUALITIES]
     points += [codec_point("dfcgs", f"qp{qp}", ["--qp", str(qp)]) for qp in _MORE_QPS]
     for method in ("dfcgs_still", "dfcgs_gof10", "dfcgs_intra", "dfcgs_paper"):
-        points += [codec_point(method, f"qp{qp}", ["--qp", str(qp)]) for qp in _OTHER_QPS]
+        points += [codec_point(method, f"qp{qp}", ["--qp", str(qp)]) for qp in CURVE_QPS]
     return points
 
 

@@ -172,7 +172,7 @@ def _seconds(models: list[Path]) -> dict[str, float]:
         for name in ["plain", *([path.stem for path in models] or [DEFAULT_PRIOR])]:
             mode = PriorMode.PLAIN if name == "plain" else PriorMode.NETWORK
             model_id = name if models and mode == PriorMode.NETWORK else None
-            options = EncoderOptions(gof_size=len(frames), prior=mode, model_id=model_id)
+            options = EncoderOptions(qp=28, gof_size=len(frames), prior=mode, model_id=model_id)
             files[name] = Path(target) / f"{name}.dgs"
             encode_sequence(frames, files[name], options)
         # in turn, so that all of them meet the same machine

@@ -66,7 +66,7 @@ def _spz() -> str:
 def _speed() -> str:
     results = _load("speed")
     first = results["tracked"]
-    text = f"""**Speed**, {first["num_gaussians"] // 1000} k Gaussians, SH {first["sh_degree"]}, `medium`, one process, seconds, \
+    text = f"""**Speed**, {first["num_gaussians"] // 1000} k Gaussians, SH {first["sh_degree"]}, QP 28, one process, seconds, \
 median (`speed.json`); decoding is to arrays with the hash checked:
 
 | frame | bytes | encode | decode |

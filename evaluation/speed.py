@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
-from dfcgs_codec.encoder.encoder import plan_sequence
+from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.segment import SegmentEncoder
 from dfcgs_codec.ply import read_ply
 from dfcgs_codec.sequence import MemorySource
@@ -25,6 +25,7 @@ from evaluation.record import write_result
 from training.scenes import VARIANTS, SceneOptions, trained_sequence
 from training.scenes.catalogue import scene as named_scene
 
+QP = 28
 _FRAMES = 8
 _REPEATS = 3
 
@@ -50,7 +51,7 @@ def _encode_times(frames: list[GaussianCloud], options: EncoderOptions) -> list[
 
 def measure(frames: list[GaussianCloud], folder: Path) -> dict[str, Any]:
     """Median seconds of I- and P-frames, encode and decode."""
-    options = EncoderOptions(gof_size=len(frames))
+    options = EncoderOptions(qp=QP, gof_size=len(frames))
     path = folder / "speed.dgs"
     encode_sequence(frames, path, options, force=True)
     encode = [_encode_times(frames, options) for _ in range(_REPEATS)]
@@ -134,7 +135,7 @@ def main() -> None:
             results[name] = measure(frames, Path(folder))
             print(name, {k: round(v, 3) for k, v in results[name].items()})
     conditions = {
-        "qp": EncoderOptions().qp,
+        "qp": QP,
         "repeats": _REPEATS,
         "frames": _FRAMES,
         "to": "arrays, hash checked",

@@ -20,8 +20,8 @@ from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_s
 from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
 from dfcgs_codec.codec.compensation import GofMotion, spread_over
 from dfcgs_codec.codec.dpb import FrameState, output
-from dfcgs_codec.encoder.encoder import plan_sequence
 from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.spread_motion import spread_header
 from dfcgs_codec.encoder.targets import Planes, Targets
 from dfcgs_codec.sequence import MemorySource

@@ -33,8 +33,7 @@ SEEDS = (0, 1)
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
     "no balance": {"balance": False},
-    "no cover": {"cover": False},
-    "uniform": {"visibility": False, "cover": False, "balance": False},
+    "uniform": {"visibility": False, "balance": False},
 }
 _ANGLES = ((20.0, 10.0), (80.0, 30.0), (140.0, -5.0), (200.0, 40.0), (260.0, 5.0), (320.0, 20.0))
 _SIZE, _FOV = (320, 240), 50.0

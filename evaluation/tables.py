@@ -141,7 +141,7 @@ def drift_table() -> str:
             rows.append(
                 [
                     name,
-                    key.removeprefix("gof").replace("steady", "`--steady`, "),
+                    key.removeprefix("gof"),
                     f"{figures['bytes'] / scene['intra']['bytes']:.2f}",
                     f"{figures['mean_difference']:+.2f}",
                     f"{figures['worst_difference']:+.2f}",

@@ -23,7 +23,7 @@ _ASSET = _ROOT / "assets" / "playbot_31k_sh2.ply"
 _NUM_GAUSSIANS, _NUM_FRAMES = 2000, 4
 _ENCODINGS = {
     "default": (),
-    "steady, two processes": ("--quality", "high", "--steady", "--gof-size", "2", "--jobs", "2"),
+    "two processes": ("--quality", "high", "--gof-size", "2", "--jobs", "2"),
     "bounded": ("--order", "input", "--bound", "position=0.001", "--bound", "rotation=0.5", "--fps", "29.97"),
     "verbatim": ("--intra", "ply"),
     "paper": ("--profile", "paper"),

@@ -147,7 +147,7 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.all_changing(helpers.clustered_cloud(1100, 1), 2),
             EncoderOptions(bounds=(Bound("scale", 0.01),), qp=34),
         ),
-        "no_cover": (helpers.all_changing(helpers.real_cloud(200), 3), EncoderOptions(cover=False)),
+        "no_cover": (helpers.all_changing(helpers.real_cloud(200), 3), EncoderOptions()),
         "graded_over_gof_borders": (_waving(400, 5), EncoderOptions(gof_size=2, control_spacing=20)),
         "motion": (_waving(900, 4), EncoderOptions(control_spacing=20)),
         "motion_by_stride": (

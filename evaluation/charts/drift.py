@@ -15,7 +15,6 @@ _COLOURS = {
     "gof32": "#009e73",
     "gof60": "#e69f00",
     "gof300": "#d55e00",
-    "steady300": "#0072b2",
 }
 #: frames of the moving average that is drawn over the single frames
 _WINDOW = 9
@@ -34,8 +33,7 @@ def chart(scenes: dict[str, Any]) -> None:
             difference = np.array(scene[key]["psnr"]) - intra
             smooth = np.convolve(difference, np.full(_WINDOW, 1 / _WINDOW), "valid")
             share = scene[key]["bytes"] / scene["intra"]["bytes"]
-            size = key.removeprefix("gof").replace("steady", "--steady ")
-            label = f"{size}: {100 * share:.0f} %"
+            label = f"{key.removeprefix('gof')}: {100 * share:.0f} %"
             axes.plot(difference, color=colour, lw=0.4, alpha=0.5)
             axes.plot(np.arange(len(smooth)) + _WINDOW // 2, smooth, color=colour, lw=1.4, label=label)
             data.setdefault(name, {})[key] = np.round(difference, 4).tolist()

@@ -21,6 +21,7 @@ PYTHON = {
     "--force": "force=True",
     "--fps": "frame_rate",
     "--bound": "bounds",
+    "--psnr": "quality",
     "--control-points": "control_rule",
     "--control-neighbours": "num_neighbours",
     "--profile main": 'profile="main"',

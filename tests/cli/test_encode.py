@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -227,30 +228,51 @@ def test_gof_size_is_auto_or_a_number(frames_dir: Path, tmp_path: Path) -> None:
 def test_steps_can_be_the_same_for_all(tmp_path: Path) -> None:
     frames_dir = write_frames(tmp_path / "frames", all_changing(real_cloud(300), 4))
     found = {}
-    for steps, cover in (("visibility", "auto"), ("visibility", "off"), ("uniform", "auto")):
-        target = tmp_path / f"{steps}-{cover}.dgs"
-        done = dfcgs("encode", frames_dir, target, "--steps", steps, "--cover", cover, "--verify")
+    for steps in ("visibility", "uniform"):
+        target = tmp_path / f"{steps}.dgs"
+        done = dfcgs("encode", frames_dir, target, "--steps", steps, "--qp", "28", "--verify")
         assert done.returncode == 0, done.stderr
-        found[steps, cover] = json.loads(dfcgs("info", target, "--json").stdout)
-    spent = {key: info["bytes_by_attribute"] for key, info in found.items()}
-    assert "COVER" not in spent["uniform", "auto"]
-    assert spent["visibility", "off"]["COVER"] <= 8
-    assert spent["visibility", "auto"]["COVER"] > 0
-    assert found["visibility", "auto"]["num_bytes"] < found["uniform", "auto"]["num_bytes"]
+        found[steps] = json.loads(dfcgs("info", target, "--json").stdout)
+    assert "COVER" not in found["uniform"]["bytes_by_attribute"]
+    assert found["visibility"]["bytes_by_attribute"]["COVER"] <= 8
+    assert found["visibility"]["num_bytes"] < found["uniform"]["num_bytes"]
 
 
-def test_steady_frames_take_more_bytes(tmp_path: Path) -> None:
-    frames_dir = write_frames(tmp_path / "frames", all_changing(real_cloud(300), 4))
-    sizes = []
-    for options in ((), ("--steady",)):
-        target = tmp_path / f"{len(options)}.dgs"
-        done = dfcgs("encode", frames_dir, target, *options, "--verify")
+def test_a_quality_is_estimated_and_said(frames_dir: Path, tmp_path: Path) -> None:
+    for options, psnr in (
+        ((), 37),
+        (("--quality", "low"), 32),
+        (("--psnr", "44.5", "--quality", "low"), 44.5),
+    ):
+        target = tmp_path / f"{psnr}.dgs"
+        done = dfcgs("encode", frames_dir, target, *options)
         assert done.returncode == 0, done.stderr
-        sizes.append(target.stat().st_size)
-    assert sizes[0] < sizes[1]
-    refused = dfcgs("encode", frames_dir, tmp_path / "a.dgs", "--steady", "--balance", "off")
-    assert refused.returncode == 1
-    assert "--steady" in refused.stderr
+        (line,) = (line for line in done.stdout.splitlines() if line.startswith("images: about "))
+        found = re.fullmatch(r"images: about ([0-9.]+) dB \(estimated\), at QP ([0-9.]+)", line)
+        assert found is not None
+        assert float(found[1]) == pytest.approx(psnr, abs=0.5)
+        said = probe(target).encoder_info
+        assert f"quality={psnr:g}dB qp={float(found[2]):.1f}"[:-2] in said
+        assert said.endswith(f"estimate={found[1]}dB")
+        assert said in dfcgs("info", target).stdout
+
+
+def test_a_qp_comes_before_a_quality(frames_dir: Path, tmp_path: Path) -> None:
+    target = tmp_path / "a.dgs"
+    done = dfcgs("encode", frames_dir, target, "--qp", "20", "--psnr", "30", "--quality", "high", "--json")
+    found = json.loads(done.stdout)
+    assert found["qp"] == 20
+    assert found["estimated_psnr"] > 40
+    assert found["num_unseen"] is None
+    assert "quality" not in probe(target).encoder_info
+
+
+@pytest.mark.parametrize("psnr", ["14", "71", "nan"])
+def test_qualities_out_of_range_are_refused(psnr: str, frames_dir: Path, tmp_path: Path) -> None:
+    done = dfcgs("encode", frames_dir, tmp_path / "a.dgs", "--psnr", psnr)
+    assert done.returncode == 1
+    assert f"--psnr {float(psnr)}: 15 to 70 dB was expected" in done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def test_motion_can_be_left_out(frames_dir: Path, tmp_path: Path) -> None:

@@ -64,7 +64,8 @@ def test_text(stream: Path) -> None:
     for word in (
         "5 at 30 per second",
         "SH degree 2",
-        "qp=28",
+        "quality=37dB qp=",
+        "estimate=37",
         "x smaller",
         "bits per Gaussian",
         "inter_frame",

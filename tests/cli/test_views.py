@@ -11,9 +11,10 @@ import pytest
 from dfcgs_codec import EncoderOptions, InputError, encode_sequence, probe
 from dfcgs_codec.views.camera import Views
 from tests.helpers import dfcgs, drifting, make_cloud, write_frames
+from tests.rooms import room, viewers
 from tests.unit.views.view_files import colmap_binary, inria, some_cameras, write_json
 
-QUICK = ("--jobs", "1", "--motion", "off", "--prior", "plain", "--cover", "off", "--balance", "off")
+QUICK = ("--jobs", "1", "--motion", "off", "--prior", "plain", "--balance", "off")
 FRAMES = drifting(make_cloud(30), 2)
 
 
@@ -122,3 +123,23 @@ def test_python_reads_a_path_and_looks_for_none(scene: Path) -> None:
         assert "views=3/0.15" in settings(scene)
     with pytest.raises(InputError, match="views: found 3"):
         EncoderOptions(views=3)
+
+
+def test_what_no_viewer_sees_is_left_out_and_told(tmp_path: Path) -> None:
+    scene = write_frames(tmp_path / "scene", [room()] * 2)
+    write_json(scene / "cameras.json", inria(viewers().cameras))
+    done = encode(scene)
+    assert done.returncode == 0, done.stderr
+    info = settings(scene)
+    unseen = int(info.rpartition("unseen=")[2])
+    assert 60 <= unseen < 600
+    assert f"left out: {unseen} Gaussians of the first frame, which no viewer sees\n" in done.stdout
+    assert " estimate=" in info
+    assert info in dfcgs("info", tmp_path / "out.dgs").stdout
+    found = json.loads(encode(scene, "--force", "--json").stdout)
+    assert found["num_unseen"] == unseen
+    assert [frame["num_gaussians"] for frame in found["frames"]] == [room().num_gaussians - unseen] * 2
+    for options in (("--keep-unseen",), ("--views", "none")):
+        done = encode(scene, "--force", *options)
+        assert "left out" not in done.stdout
+        assert probe(tmp_path / "out.dgs").frames[0].num_gaussians == room().num_gaussians

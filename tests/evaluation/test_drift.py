@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("numba")
 
-from evaluation.drift import VARIANTS, _slope, compare
+from evaluation.drift import _slope, compare
 
 
 def test_the_slope_is_per_hundred_frames() -> None:
@@ -18,16 +18,10 @@ def test_drift_is_the_difference_from_all_intra() -> None:
     def figures(*psnr: float) -> dict[str, object]:
         return {"bytes": 1, "psnr": list(psnr)}
 
-    found = compare({"steady60": figures(40, 41), "gof60": figures(39, 38), "intra": figures(40, 40)})
-    assert list(found) == ["intra", "gof60", "steady60"]
+    found = compare({"gof300": figures(40, 41), "gof60": figures(39, 38), "intra": figures(40, 40)})
+    assert list(found) == ["intra", "gof60", "gof300"]
     assert found["gof60"]["mean_difference"] == pytest.approx(-1.5)
     assert found["gof60"]["worst_difference"] == pytest.approx(-2.0)
-    assert found["steady60"]["slope_per_100_frames"] == pytest.approx(100.0)
+    assert found["gof300"]["slope_per_100_frames"] == pytest.approx(100.0)
     assert "mean_difference" not in found["intra"]
     assert compare(found) == found
-
-
-def test_steady_variants_are_those_of_every_gof_size() -> None:
-    for name, options in VARIANTS.items():
-        if name.startswith("gof"):
-            assert VARIANTS[name.replace("gof", "steady")] == [*options, "--steady"]

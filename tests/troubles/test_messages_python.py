@@ -88,7 +88,8 @@ def test_every_phrase_begins_with_an_option() -> None:
 PHRASES = {
     "--qp 99: 0 to 51 was expected": "qp 99: 0 to 51 was expected",
     "choose coarser steps (a higher --qp or --bound)": "choose coarser steps (a higher qp or bounds)",
-    "--steady needs --steps visibility and no --keep-axes": "steady needs visibility=True and no keep_axes",
+    "--balance auto needs --steps visibility": "balance=True needs visibility=True",
+    "--psnr 99: 15 to 70 dB": "quality 99: 15 to 70 dB",
     "--exact off codes them anew; '--force'": "exact=False codes them anew; 'force=True'",
     "--fps 0, --gof-size 0.": "frame_rate 0, gof_size 0.",
     "--pattern 'a_*.ply' takes all, or --order-by name": (
@@ -168,8 +169,8 @@ def test_the_command_line_speaks_of_its_options(tmp_path: Path) -> None:
     done = encode(frames, tmp_path / "a.dgs")
     assert done.code == 1
     assert "--allow-gaps encodes the others" in done.err
-    done = encode(frames, tmp_path / "a.dgs", "--steady", "--balance", "off")
-    assert "--steady is part of --balance auto" in done.err
+    done = encode(frames, tmp_path / "a.dgs", "--psnr", "99")
+    assert "--psnr 99.0: 15 to 70 dB was expected" in done.err
 
 
 def quantised() -> list[GaussianCloud]:

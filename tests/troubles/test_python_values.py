@@ -30,7 +30,7 @@ from dfcgs_codec.encoder.prior_choice import PriorMode
 from tests.helpers import FIELDS, drifting, make_cloud, write_frames
 
 FRAMES = drifting(make_cloud(30, 1), 3)
-QUICK = EncoderOptions(motion="off", prior="plain", cover=False, balance=False)
+QUICK = EncoderOptions(motion="off", prior="plain", balance=False)
 RATE = "a frame rate such as 30, 29.97"
 
 
@@ -63,7 +63,10 @@ TAKEN: list[tuple[str, Any, Any]] = [
     ("bounds", None, ()),
     ("qp", np.int64(20), 20.0),
     ("qp", np.array(20.5), 20.5),
-    ("qp", "high", 18.0),
+    ("qp", None, None),
+    ("quality", "high", 42.0),
+    ("quality", "LOW", 32.0),
+    ("quality", np.float32(40), 40.0),
     ("gof_size", np.uint8(9), 9),
     ("gof_size", 9.0, 9),
     ("gof_size", "auto", None),
@@ -77,7 +80,7 @@ TAKEN: list[tuple[str, Any, Any]] = [
     ("control_rule", "stride", ControlRule.STRIDE),
     ("compensation", "paper", Compensation.SPREAD),
     ("refinement", "auto", RefinementMode.AUTO),
-    ("cover", np.bool_(False), False),
+    ("balance", np.bool_(False), False),
 ]
 
 REFUSED: list[tuple[str, Any, str]] = [
@@ -94,9 +97,13 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("bounds", {"position": float("nan")}, "a bound is a number above 0"),
     ("bounds", {"color": 0.1}, "known are position"),
     ("bounds", {0: 0.1}, "known are position"),
-    ("qp", "28", 'a number or one of "low", "medium", "high", "transparent"'),
+    ("qp", "28", "a number, or None"),
+    ("qp", "high", 'a quality has its own option: quality="high"'),
+    ("quality", "best", 'a number or one of "low", "medium", "high", "transparent"'),
+    ("quality", None, "found None (NoneType)"),
+    ("quality", True, "found True (bool)"),
+    ("quality", 99, "quality 99.0: 15 to 70 dB was expected"),
     ("qp", True, "found True (bool)"),
-    ("qp", None, "found None (NoneType)"),
     ("qp", [28], "found [28] (list)"),
     ("qp", np.array([28]), "found array([28]) (ndarray)"),
     ("qp", 99, "qp 99.0: 0 to 51 was expected"),
@@ -115,9 +122,9 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("motion", False, 'one of "auto", "off", "on", "only"'),
     ("intra", "lossless", 'one of "ply", "coded"'),
     ("compensation", "spread", 'one of "main", "paper"'),
-    ("cover", "off", "True or False"),
+    ("balance", "off", "True or False"),
     ("exact", 0, "True or False"),
-    ("steady", None, "True or False"),
+    ("keep_unseen", None, "True or False"),
     ("model_id", 1, "a text or None"),
 ]
 

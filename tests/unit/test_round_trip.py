@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from dfcgs_codec import Bound, EncoderOptions, GaussianCloud, InputError, decode_sequence, probe
 from dfcgs_codec.bitstream.constants import MAX_THIN_OCTAVES, Attribute, IntraKind, OutputOrder
 from dfcgs_codec.codec.visibility import MULTIPLIERS
-from dfcgs_codec.encoder.encoder import plan_sequence
+from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.sequence import MemorySource, open_folder
 from tests.helpers import (
     FIELDS,

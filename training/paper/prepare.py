@@ -15,10 +15,10 @@ from dfcgs_codec.codec.dpb import SH_BANDS, FrameState
 from dfcgs_codec.codec.reconstruct import reconstruct_intra
 from dfcgs_codec.encoder.analysis import intra_symbols, order_of, plan_grid
 from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.encoder import plan_sequence
 from dfcgs_codec.encoder.identity import Members
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.targets import Planes, Targets
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud

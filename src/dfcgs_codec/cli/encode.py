@@ -104,10 +104,12 @@ def _summary(report: EncodeReport, target: Path) -> str:
         f"{target}: {count} frames ({kinds.count('I')} I, {kinds.count('P')} P, "
         f"{kinds.count('skip')} skipped), "
         f"{report.num_bytes} bytes, {report.num_bytes / count:.0f} per frame",
-        f"{'error':10} {'max':>12} {'mean':>12}",
     ]
     if report.estimated_psnr is not None:
         lines.append(f"images: about {report.estimated_psnr:.1f} dB (estimated), at QP {report.qp:.1f}")
+    if report.num_unseen:
+        lines.append(f"left out: {report.num_unseen} Gaussians of the first frame, which no viewer sees")
+    lines.append(f"{'error':10} {'max':>12} {'mean':>12}")
     for name, error in _errors(report).items():
         lines.append(f"{name:10} {error['max']:12.6g} {error['mean']:12.6g}  {error['unit']}")
     return "\n".join(lines)

@@ -15,6 +15,7 @@ from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.encoder.rate_control import Quantisation
+from dfcgs_codec.transform.companding import compress
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
 from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, multiply, round_divide, to_stereo
@@ -26,6 +27,8 @@ Planes = dict[Attribute, Int64]
 
 #: errors that a coarser step of an I-frame left, in such steps, are not worth mending
 SLACK = 0.6
+#: logit of the least opacity that is drawn
+FAINTEST = -4.5
 #: a unit quaternion times these is its inverse
 _CONJUGATE = np.array([1, -1, -1, -1])
 
@@ -159,6 +162,10 @@ class ResidualQuantiser:
             if multipliers is not None:
                 real *= 256.0 / multipliers[rows]
             found[np.abs(residual) < self.slack_share * real] = 0
+        if attribute == Attribute.OPACITY and zero_bin.threshold > 0.5:
+            # what is not to be seen must not be left a little visible
+            faint = target < _faintest(self.quantisation.units.opacity)
+            found[faint] = np.floor(residual[faint]).astype(np.int64)
         return found
 
 
@@ -193,3 +200,8 @@ def inter_symbols(
         if symbols.any():
             activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols, quantiser.block_log2))
     return InterSymbols(activity)
+
+
+def _faintest(exponent: int) -> int:
+    """The companded opacity, in units of 2**exponent, below which nothing is drawn."""
+    return int(compress(np.array([round(FAINTEST * 2.0**-exponent)]), exponent)[0])

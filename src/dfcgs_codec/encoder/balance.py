@@ -53,17 +53,39 @@ class Quantised:
     zero_bin: float
     thin_octaves: int = 0
 
+    def splats(self, rows: Int64) -> Splats:
+        """Some of them as they are."""
+        return self._splats({attribute: plane[rows] for attribute, plane in self.planes.items()})
+
     def draw(self, rows: Int64) -> tuple[Splats, dict[Attribute, Splats]]:
         """Some of them as they are, and by attribute with that one quantised."""
         planes = {attribute: plane[rows] for attribute, plane in self.planes.items()}
-        splats = Splats(
-            self._positions(planes[Attribute.POSITION]),
+        splats = self._splats(planes)
+        return splats, {a: self._changed(splats, planes, a, rows) for a in planes}
+
+    def quantised(self, rows: Int64) -> Splats:
+        """Some of them with all attributes quantised."""
+        splats, changed = self.draw(rows)
+        colours = sum(
+            (there.colours - splats.colours for a, there in changed.items() if a >= Attribute.SH_DC),
+            splats.colours,
+        )
+        return Splats(
+            changed[Attribute.POSITION].positions,
+            changed[Attribute.ROTATION].axes,
+            changed[Attribute.SCALE].deviations,
+            changed[Attribute.OPACITY].alpha,
+            colours,
+        )
+
+    def _splats(self, planes: Mapping[Attribute, Int64]) -> Splats:
+        return Splats(
+            self.positions(planes[Attribute.POSITION]),
             rotation_matrices(planes[Attribute.ROTATION] / ONE),
             deviations(planes[Attribute.SCALE] * 2.0**self.units.scale),
             self._alpha(planes[Attribute.OPACITY]),
             self._colours(planes),
         )
-        return splats, {a: self._changed(splats, planes, a, rows) for a in planes}
 
     def sizes(self, attribute: Attribute, rows: Int64) -> Float64:
         """Mean magnitude (rows,) of a Gaussian's symbols, predicted by no more than the median."""
@@ -88,8 +110,11 @@ class Quantised:
                 scales[:, 2] = scales[:, 1] - self._thinness(planes[attribute], errors[:, 0])
             return replace(splats, deviations=deviations(scales * 2.0**self.units.scale))
         if attribute == Attribute.OPACITY:
-            values = planes[attribute] + np.rint(errors[:, :1]).astype(np.int64)
-            return replace(splats, alpha=self._alpha(values))
+            # where all are alike, as all nearly transparent, predictions leave no error
+            values = planes[attribute]
+            middle = np.median(values)
+            rounded = middle + np.rint((values - middle) / steps) * steps
+            return replace(splats, alpha=self._alpha(np.rint(rounded).astype(np.int64)))
         vectors = errors * (_RADIANS / 2 / STEREO_ONE)
         turns = rotation_matrices(np.concatenate([np.ones((len(rows), 1)), vectors], axis=1))
         return replace(splats, axes=np.einsum("nij,njk->nik", splats.axes, turns))
@@ -109,7 +134,7 @@ class Quantised:
         companded = compress_thinness(scales[:, 1] - scales[:, 2], exponent, octaves)
         return expand_thinness(companded + np.rint(errors).astype(np.int64), exponent, octaves)
 
-    def _positions(self, values: Int64) -> Float64:
+    def positions(self, values: Int64) -> Float64:
         """Scene units, the origin included."""
         units = self.units
         return np.asarray((values + np.array(units.origin)) * 2.0**units.position, np.float64)

@@ -7,6 +7,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+
 from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import ChunkType, Profile
 from dfcgs_codec.bitstream.container import ContainerWriter
@@ -97,7 +99,10 @@ def _write(
             "outside the grids planned from the first frame, or are not finite: they are kept exactly"
         )
     report.num_bytes = writer.size
-    report.qp, report.estimated_psnr, report.num_unseen = plan.qp, plan.estimate, plan.num_unseen
+    report.qp, report.num_unseen = plan.qp, plan.num_unseen
+    if plan.estimate is not None:
+        errors = 10.0 ** (np.array(report.behind) / 10.0)
+        report.estimated_psnr = plan.estimate - 10.0 * float(np.log10(errors.mean()))
     return report
 
 

@@ -79,6 +79,7 @@ class InterCoder:
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
         self._choice = PriorChoice(plan.options.prior)
+        self._quantisation, self._slack_share = plan.quantisation, SLACK
         self._trusted = 0
         self._grading: Grading | None = None
         self._known_slack: tuple[Visibility, dict[Attribute, npt.NDArray[np.int64]]] | None = None
@@ -88,8 +89,12 @@ class InterCoder:
         """A GoF begins; `grading` of its I-frame, if it is graded."""
         self._grading, self._known_slack, self._trusted = grading, None, 0
 
-    def code(self, task: InterTask) -> tuple[CodedFrame, MotionHint | None]:
-        """With motion or without, whichever is smaller, and what motion was best."""
+    def code(self, task: InterTask, finer: float = 0.0) -> tuple[CodedFrame, MotionHint | None]:
+        """With motion or without, whichever is smaller, and what motion was best.
+
+        Steps are `finer` by so many octaves than planned.
+        """
+        self._quantisation, self._slack_share = self._plan.quantisation.finer(finer), SLACK * 2.0**-finer
         trial = self._motion(task)
         coded = self._coded(task, trial)
         if trial is not None and trial.saved < _SURE_SHARE and self._plan.options.motion == MotionMode.AUTO:
@@ -151,11 +156,11 @@ class InterCoder:
         return order, IntraTask(symbols, grid, self._plan.steps)
 
     def _coded(self, task: InterTask, trial: MotionTrial | None) -> CodedFrame:
-        quantisation, options = self._plan.quantisation, self._plan.options
+        quantisation, options = self._quantisation, self._plan.options
         reference = task.state.frame
         levels = self._levels(task.state.visibility)
         multipliers = task.state.visibility.all_multipliers(levels)
-        slack, share = self.slack(task.state), SLACK
+        slack, share = self.slack(task.state), self._slack_share
         quantiser = ResidualQuantiser(
             quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2, multipliers, slack, share
         )
@@ -198,7 +203,7 @@ class InterCoder:
         changed = np.logical_or(*(nonzero_rows(task.target[a] - task.before[a]) for a in moving))
         if not changed.any():
             return None
-        steps, forced = self._plan.steps, mode in (MotionMode.ON, MotionMode.ONLY)
+        steps, forced = self._quantisation.steps, mode in (MotionMode.ON, MotionMode.ONLY)
         state = task.state
         levels = self._levels(state.visibility)
         multipliers = state.visibility.all_multipliers({a: levels[a] for a in moving if a in levels})

@@ -81,10 +81,14 @@ class NamedReal(OptionField[float, float | str]):
 
 
 class RealOrNone(OptionField[float | None, float | None]):
-    """A number; None leaves the choice to the encoder."""
+    """A number; None leaves the choice to the encoder. `hint`: what is said to whoever gives no number."""
+
+    def __init__(self, default: float | None, hint: str) -> None:
+        super().__init__(default)
+        self._expected = f"a number, or None ({hint})"
 
     def _convert(self, value: Any) -> float | None:
-        return None if value is None else real(self._name, value)
+        return None if value is None else real(self._name, value, self._expected)
 
 
 class Whole(OptionField[int, int]):

@@ -134,7 +134,7 @@ class EncoderOptions:
     """
 
     quality: NamedReal = NamedReal(QUALITIES["medium"], QUALITIES)
-    qp: RealOrNone = RealOrNone(None)
+    qp: RealOrNone = RealOrNone(None, 'a quality has its own option: quality="high"')
     bounds: Bounds = Bounds(())
     gof_size: WholeOrAuto = WholeOrAuto(None)
     intra: Choice[IntraKind] = Choice(IntraKind.CODED)

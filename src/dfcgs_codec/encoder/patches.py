@@ -5,16 +5,15 @@ An encoder's choice; floats are welcome here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from dfcgs_codec.encoder.projection import LEAST_ALPHA, MOST_ALPHA, project
 from dfcgs_codec.encoder.splats import Splats, extent, harmonics
-from dfcgs_codec.views.camera import ViewCamera
+from dfcgs_codec.views.camera import LARGEST, ViewCamera
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -33,6 +32,8 @@ _LEAST_WEIGHT = 1.0 / 2048.0
 #: and at most, so many pixels wide
 _NEARBY = 64
 _FEWEST_PIXELS, _MOST_PIXELS = 400.0, 20_000.0
+#: such pixels are as small as the details of the scene: errors are larger by so many dB than in images
+NEARBY_BIAS = 0.7
 #: then what is looked at lies so far before and behind, in pixels, and the camera so many times as far away
 _REACH = 80.0
 _AWAY = 50.0
@@ -84,7 +85,7 @@ class Patch:
         v = (place[1] - ellipses.middle[:, 1:]).astype(np.float32)
         power = (a * u * u)[:, :, None] + (c * v * v)[:, None, :]
         power -= (b * u)[:, :, None] * v[:, None, :]
-        alphas = np.exp(-power, out=power).reshape(len(u), -1)
+        alphas = np.exp(-power, out=power).reshape(len(u), _SIDE * _SIDE)
         alphas *= np.where(ellipses.is_before, splats.alpha, 0.0)[:, None].astype(np.float32)
         alphas[~(alphas >= LEAST_ALPHA)] = 0.0
         np.minimum(alphas, np.float32(MOST_ALPHA), out=alphas)
@@ -117,10 +118,12 @@ def _showing(splats: Splats, camera: ViewCamera, near: float, corners: Float64) 
         yield Patch(camera, corner, near, rows)
 
 
-def patches_of_views(splats: Splats, cameras: Sequence[ViewCamera], near: float) -> list[Patch]:
-    """Patches spread over the images of `cameras`; near: scene units."""
+def patches_of_views(
+    splats: Splats, cameras: Sequence[ViewCamera], near: float, count: int = PATCHES
+) -> list[Patch]:
+    """About `count` patches spread over the images of `cameras`; near: scene units."""
     random = np.random.default_rng(1)
-    each = -(-PATCHES // len(cameras))
+    each = -(-count // len(cameras))
     found: list[Patch] = []
     for camera in cameras:
         sides = np.maximum(np.array([camera.width, camera.height]) - _SIDE * _STRIDE, 1)
@@ -131,53 +134,79 @@ def patches_of_views(splats: Splats, cameras: Sequence[ViewCamera], near: float)
     return found
 
 
-def _directions() -> Float64:
-    """Unit vectors (PATCHES, 3), spread evenly."""
-    height = 1.0 - (2.0 * np.arange(PATCHES) + 1.0) / PATCHES
-    turn, radius = _GOLDEN_ANGLE * np.arange(PATCHES), np.sqrt(1.0 - height**2)
-    return np.stack([radius * np.cos(turn), radius * np.sin(turn), height], axis=1)
+def _direction(index: int, count: int) -> Float64:
+    """One of `count` unit vectors (3,) that are spread evenly."""
+    height = 1.0 - (2.0 * index + 1.0) / count
+    turn, radius = _GOLDEN_ANGLE * index, np.sqrt(1.0 - height**2)
+    return np.array([radius * np.cos(turn), radius * np.sin(turn), height])
 
 
-def _pixels(positions: Float64, widths: Float64, targets: Int64) -> Float64:
-    """How wide pixels are about each target, scene units: as Gaussians nearby, median of `widths` (N,)."""
-    tree = cKDTree(positions, balanced_tree=False, compact_nodes=False)
-    nearby = tree.query(positions[targets], k=range(1, min(_NEARBY, len(positions)) + 1))[1]
-    medians: Float64 = np.median(widths[nearby], axis=1)
-    return medians
+@dataclass(frozen=True)
+class Surroundings:
+    """What patches without cameras are chosen from.
+
+    `positions` (N, 3), scene units; `widths` and `longest` (N,), deviations: geometric mean of the two longer
+    axes, and the longest; `alpha` (N,); `draw` gives the Gaussians of some rows.
+    """
+
+    positions: Float64
+    widths: Float64
+    longest: Float64
+    alpha: Float64
+    draw: Callable[[Int64], Splats]
+
+    @staticmethod
+    def of(splats: Splats) -> Surroundings:
+        """Those of all Gaussians."""
+        _, middle, longest = np.sort(splats.deviations, axis=1).T
+        return Surroundings(splats.positions, np.sqrt(middle * longest), longest, splats.alpha, splats.take)
+
+    def targets(self, count: int, seed: int) -> Int64:
+        """`count` Gaussians, those that show more often than others; none where nothing shows."""
+        seen_before = np.cumsum(self.alpha)
+        if not 0.0 < seen_before[-1] < np.inf:
+            return np.zeros(0, np.int64)
+        drawn = np.random.default_rng(seed).random(count) * seen_before[-1]
+        found: Int64 = np.searchsorted(seen_before, drawn, side="right")
+        return np.minimum(found, len(self.alpha) - 1)
+
+    def pixel(self, target: int) -> float:
+        """How wide pixels are about a Gaussian, scene units: as the Gaussians nearby, their median."""
+        distances = ((self.positions - self.positions[target]) ** 2).sum(axis=1)
+        nearby = min(_NEARBY, len(distances))
+        return float(np.median(self.widths[np.argpartition(distances, nearby - 1)[:nearby]]))
+
+    def patch(self, target: int, direction: Float64, pixel: float) -> Patch:
+        """The patch about a Gaussian that is seen in a direction."""
+        across = np.cross(direction, (0.31, 0.57, 0.76))
+        across /= np.linalg.norm(across)
+        frame = np.stack([across, np.cross(direction, across), direction])
+        middle, away = self.positions[target], _AWAY * _REACH * pixel
+        local = np.abs((self.positions - middle) @ frame.T)
+        tube = _REACHED * self.longest + _SIDE * _STRIDE * pixel
+        near = np.flatnonzero((local[:, 2] < _REACH * pixel) & (local[:, :2] < tube[:, None]).all(axis=1))
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = frame, -frame @ (middle - away * direction)
+        sides, focal = _SIDE * _STRIDE, _AWAY * _REACH
+        camera = ViewCamera(sides, sides, focal, focal, sides / 2, sides / 2, pose)
+        (found,) = _showing(self.draw(near), camera, 0.5 * away, np.zeros((1, 2)))
+        return Patch(camera, found.corner, found.near, near[found.rows])
 
 
-def patches_nearby(splats: Splats) -> list[Patch]:
+def patches_nearby(scene: Surroundings, count: int = PATCHES, seed: int = 0) -> list[Patch]:
     """Patches without cameras: each looks at a Gaussian closely, from anywhere; none where nothing shows.
 
     Training makes Gaussians a few pixels wide in the images that it has, and as many as these have details.
     So each Gaussian is as likely to be looked at, whatever its size, and pixels are as wide as the Gaussians
     there: a room does not drown what stands in it, and walls do not hide what stands before them.
     """
-    positions = splats.positions
-    size = extent(positions)
+    size = extent(scene.positions)
     if not 0.0 < size < np.inf:
         return []
-    seen_before = np.cumsum(splats.alpha)
-    if not 0.0 < seen_before[-1] < np.inf:
-        return []
-    drawn = np.random.default_rng(0).random(PATCHES) * seen_before[-1]
-    targets = np.minimum(np.searchsorted(seen_before, drawn, side="right"), len(positions) - 1)
-    _, middle, long = np.sort(splats.deviations, axis=1).T
-    pixels = _pixels(positions, np.sqrt(middle * long), targets)
-    pixels = np.clip(pixels, size / _MOST_PIXELS, size / _FEWEST_PIXELS)
     found = []
-    for target, direction, pixel in zip(targets.tolist(), _directions(), pixels.tolist(), strict=True):
-        across = np.cross(direction, (0.31, 0.57, 0.76))
-        across /= np.linalg.norm(across)
-        frame = np.stack([across, np.cross(direction, across), direction])
-        local = np.abs((positions - positions[target]) @ frame.T)
-        tube = _REACHED * long + _SIDE * _STRIDE * pixel
-        near = np.flatnonzero((local[:, 2] < _REACH * pixel) & (local[:, 0] < tube) & (local[:, 1] < tube))
-        away = _AWAY * _REACH * pixel
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = frame, -frame @ (positions[target] - away * direction)
-        sides, focal = _SIDE * _STRIDE, _AWAY * _REACH
-        camera = ViewCamera(sides, sides, focal, focal, sides / 2, sides / 2, pose)
-        for patch in _showing(splats.take(near), camera, 0.5 * away, np.zeros((1, 2))):
-            found.append(Patch(camera, patch.corner, patch.near, near[patch.rows]))
+    for index, target in enumerate(scene.targets(count, seed).tolist()):
+        pixel = float(np.clip(scene.pixel(target), size / _MOST_PIXELS, size / _FEWEST_PIXELS))
+        # no camera stands where numbers do not suffice
+        if np.abs(scene.positions[target]).max() + _AWAY * _REACH * pixel < LARGEST:
+            found.append(scene.patch(target, _direction((index + seed) % count, count), pixel))
     return found

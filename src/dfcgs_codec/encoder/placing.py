@@ -18,7 +18,7 @@ from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
 from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.patches import Patch
 from dfcgs_codec.encoder.plan import SequencePlan
-from dfcgs_codec.encoder.sensitivity import image_errors
+from dfcgs_codec.encoder.sensitivity import ImageError, image_errors
 from dfcgs_codec.encoder.trellis_search import ALTERNATING_ERROR
 from dfcgs_codec.transform.rotation import round_divide
 
@@ -34,6 +34,8 @@ _INTER_POSITION = 0.25
 #: errors of P-frames, if everything changed by more than its step, to those of I-frames, at most: 4.5 dB.
 #: Where everything trembles, P-frames are then 1.9 to 2.2 dB below I-frames in the mean
 _INTER_ERROR = 2.8
+#: frames whose error is less than this share of the largest show too little to count
+_SHOWN_SHARE = 0.3
 
 
 @dataclass(frozen=True)
@@ -75,29 +77,61 @@ class Balance:
     error: float
 
 
-def balance(plan: SequencePlan, planes: Planes, patches: Sequence[Patch], cover: Int64 | None) -> Balance:
-    """What `patches` show of Gaussians with the `planes` (N, C), quantised as `plan` has it."""
-    placing = Placing.of(planes, plan, cover)
-    planes = planes if placing.names is None else placing.names.rename(planes)
-    classes = None if placing.graded is None else placing.graded.cover
-    state = FrameState({a: Plane(plane) for a, plane in planes.items()}, cover=classes)
-    bounded, grading = plan.quantisation.bounded, None if placing.graded is None else placing.graded.grading
-    intra = _in_intra_frames(state, plan, grading)
-    errors = image_errors(patches, intra.draw)
-    if grading is None:
-        return Balance({}, {}, total_error(errors, {}))
-    for attribute in grading.alternating & errors.keys():
-        errors[attribute] = errors[attribute].scaled(ALTERNATING_ERROR)
-    error = total_error(errors, {})
-    graded = balanced_octaves(errors, intra, bounded)
+@dataclass(frozen=True)
+class Look:
+    """A frame that is looked at: `planes` (N, C), `cover` classes (N,), None: all 0, and `patches` of it."""
+
+    planes: Planes
+    cover: Int64 | None
+    patches: Sequence[Patch]
+
+    def placed(self, plan: SequencePlan) -> tuple[FrameState, Grading | None]:
+        """The Gaussians as they are coded."""
+        placing = Placing.of(self.planes, plan, self.cover)
+        planes = self.planes if placing.names is None else placing.names.rename(self.planes)
+        graded = placing.graded
+        state = FrameState(
+            {a: Plane(p) for a, p in planes.items()}, cover=None if graded is None else graded.cover
+        )
+        return state, None if graded is None else graded.grading
+
+
+def _together(looks: Sequence[dict[Attribute, ImageError]]) -> tuple[dict[Attribute, ImageError], float]:
+    """Mean errors by attribute; and of all, in the frames in which these show."""
+    totals = [total_error(errors, {}) for errors in looks]
+    shown = [total for total in totals if total > 0.0 and total >= _SHOWN_SHARE * max(totals)]
+    summed: dict[Attribute, ImageError] = {}
+    for errors in looks:
+        for attribute, error in errors.items():
+            summed[attribute] = summed.get(attribute, ImageError(0.0)) + error
+    mean = {attribute: error.scaled(1.0 / len(looks)) for attribute, error in summed.items()}
+    return mean, sum(shown) / max(len(shown), 1)
+
+
+def balance(plan: SequencePlan, looks: Sequence[Look]) -> Balance:
+    """What patches show of frames that are quantised as `plan` has it."""
+    placed = [look.placed(plan) for look in looks]
+    intra = [_in_intra_frames(state, plan, grading) for state, grading in placed]
+    found = [image_errors(look.patches, drawn.draw) for look, drawn in zip(looks, intra, strict=True)]
+    for errors, (_, grading) in zip(found, placed, strict=True):
+        for attribute in errors.keys() & (frozenset() if grading is None else grading.alternating):
+            errors[attribute] = errors[attribute].scaled(ALTERNATING_ERROR)
+    errors, error = _together(found)
+    bounded = plan.quantisation.bounded
+    if not plan.is_graded:
+        return Balance({}, {}, error)
+    graded = balanced_octaves(errors, intra[0], bounded)
     if plan.header.num_frames < 2:
         return Balance(graded, {}, error)
-    inter = _in_inter_frames(state, plan)
-    errors = image_errors(patches, inter.draw)
+    limit = _INTER_ERROR * total_error(errors, {})
+    inter = [_in_inter_frames(state, plan) for state, _ in placed]
+    errors, _ = _together(
+        [image_errors(look.patches, drawn.draw) for look, drawn in zip(looks, inter, strict=True)]
+    )
     shares = {Attribute.POSITION: _INTER_POSITION}
     counted = {a: e.scaled(shares.get(a, 1.0)) for a, e in errors.items()}
-    octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, inter, bounded).items()}
-    return Balance(graded, no_worse(octaves, errors, _INTER_ERROR * error), error)
+    octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, inter[0], bounded).items()}
+    return Balance(graded, no_worse(octaves, errors, limit), error)
 
 
 def _wide(state: FrameState) -> dict[Attribute, Int64]:

@@ -40,8 +40,8 @@ class SequencePlan:
 
     @property
     def num_unseen(self) -> int | None:
-        """How many Gaussians of the first run are left out, where cameras say who shows."""
-        return next((seen.num_left_out for seen in self.seen.values()), None)
+        """How many Gaussians of the first frame that has any are left out, where cameras say who shows."""
+        return self.seen[min(self.seen)].num_left_out if self.seen else None
 
     def describe(self) -> str:
         """Settings and what was chosen, in one line."""

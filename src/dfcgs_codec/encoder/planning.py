@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,8 +14,8 @@ from dfcgs_codec.codec.dpb import columns_of
 from dfcgs_codec.encoder.lattice import keep_exactly
 from dfcgs_codec.encoder.off_grid import Grids
 from dfcgs_codec.encoder.options import EncoderOptions
-from dfcgs_codec.encoder.patches import patches_nearby
-from dfcgs_codec.encoder.placing import balance
+from dfcgs_codec.encoder.patches import NEARBY_BIAS, PATCHES, Patch, Surroundings, patches_nearby
+from dfcgs_codec.encoder.placing import Look, balance
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, expected_qp, plan_quantisation
 from dfcgs_codec.encoder.shown import ALL, Region, Seen
@@ -29,13 +29,14 @@ from dfcgs_codec.ply import display_comments
 from dfcgs_codec.sequence import FrameSource, sequence_sh_degree
 
 Float64 = npt.NDArray[np.float64]
+Int64 = npt.NDArray[np.int64]
 
 #: a QP is near enough when the estimate is so near the quality asked for, dB
 _NEAR_ENOUGH = 0.25
+#: estimates are about so uncertain, dB: so much more is aimed at, for a quality is a promise
+_MARGIN = 1.0
 #: QPs that are tried
 _MOST_TRIALS = 4
-#: images without cameras are estimated too low, dB: their pixels are as small as the details of the scene
-_NEARBY_BIAS = 1.0
 #: the share of the error that leaving out Gaussians may make
 _LEFT_OUT_SHARE = 0.25
 #: a tracked run is looked at in every so many frames
@@ -98,6 +99,17 @@ class _Subject:
         """What is coded of the first frame."""
         return self.seen.of(self.first)
 
+    def looked_at(self) -> list[int]:
+        """Frames in which errors are estimated: the first, and some of those that are tracked from it."""
+        run = [index for index, anchor in enumerate(self.anchors) if anchor == self.first_frame]
+        return sorted({run[0], run[len(run) // 2], run[-1]})
+
+    def frame(self, index: int) -> tuple[GaussianCloud, Seen]:
+        """A frame that is looked at, and what is coded of it."""
+        cloud = self.first if index == self.first_frame else self.source.read(index)[0]
+        tracked = index == self.first_frame or is_tracked(self.first, cloud)
+        return cloud, self.seen if tracked else ALL
+
     def plan(self, qp: float) -> SequencePlan:
         """With the steps of a QP, not balanced."""
         options, headers = self.options, self.source.headers
@@ -133,58 +145,88 @@ def _subject(source: FrameSource, options: EncoderOptions) -> _Subject:
     return _Subject(source, options, _anchors(counts), first_frame, first)
 
 
+@dataclass(frozen=True)
+class _View:
+    """A frame as it is looked at: the Gaussians that are coded and lie near others, and patches of them."""
+
+    cloud: GaussianCloud
+    cover: Int64 | None
+    patches: list[Patch]
+
+
 class _Estimator:
-    """Estimates the error of a subject's first I-frame at different QPs, in one choice of patches."""
+    """Estimates the error of I-frames at different QPs, in one choice of patches of some frames."""
 
     def __init__(self, subject: _Subject, region: Region | None) -> None:
-        self._subject = subject
-        self._near, self._patches = np.zeros(0, np.int64), []
-        cloud = subject.cloud
-        _, escapes = Grids(
-            subject.plan(expected_qp(subject.options.qp, subject.options.quality)).header.unit_exponents
-        ).split(cloud)
+        self._subject, self._region = subject, region
+        self._left_out = 0.0 if region is None else region.error
+        units = subject.plan(expected_qp(subject.options.qp, subject.options.quality)).header.unit_exponents
+        indices = subject.looked_at()
+        views = [self._view(index, Grids(units), (part, len(indices))) for part, index in enumerate(indices)]
+        self._views = [view for view in views if view.patches]
+
+    def _view(self, index: int, grids: Grids, part: tuple[int, int]) -> _View:
+        cloud, seen = self._subject.frame(index)
+        cloud = seen.of(cloud)
+        _, escapes = grids.split(cloud)
         near = np.arange(cloud.num_gaussians)
         # who lies apart from all others has no say in how these are coded
-        self._near = near if escapes is None else np.setdiff1d(near, escapes.rows)
-        self._bias = _NEARBY_BIAS if region is None else 0.0
-        self._left_out = 0.0 if region is None else region.error
-        if len(self._near):
-            splats = Splats.of(cloud.take(self._near))
+        near = near if escapes is None else np.setdiff1d(near, escapes.rows)
+        cloud, patches = cloud.take(near), []
+        cover = None if seen.cover is None else seen.cover[near]
+        if len(near):
+            splats = Splats.of(cloud)
             with np.errstate(all="ignore"):
-                self._patches = patches_nearby(splats) if region is None else region.patches(splats)
+                if self._region is None:
+                    patches = patches_nearby(Surroundings.of(splats), -(-PATCHES // part[1]), part[0])
+                else:
+                    patches = self._region.patches(splats, *part)
+        return _View(cloud, cover, patches)
 
     def balanced(self, qp: float) -> SequencePlan:
         """Planned with that QP, steps in proportion to what they show, and the PSNR estimated."""
-        subject = self._subject
-        plan = subject.plan(qp)
-        if not self._patches:
+        plan = self._subject.plan(qp)
+        if not self._views:
             return plan
-        on_grid, _ = Grids(plan.header.unit_exponents).split(subject.cloud)
-        planes = Targets(plan.header.unit_exponents.from_origin).planes(on_grid.take(self._near))
-        cover = None if subject.seen.cover is None else subject.seen.cover[self._near]
-        found = balance(plan, planes, self._patches, cover)
+        units, looks = plan.header.unit_exponents, []
+        for view in self._views:
+            on_grid, _ = Grids(units).split(view.cloud)
+            looks.append(Look(Targets(units.from_origin).planes(on_grid), view.cover, view.patches))
+        found = balance(plan, looks)
         error = found.error + self._left_out
         if error > 0.0:
-            plan = replace(plan, estimate=self._bias - 10.0 * float(np.log10(error)))
-        if not subject.options.balance:
+            bias = NEARBY_BIAS if self._region is None else 0.0
+            plan = replace(plan, estimate=bias - 10.0 * float(np.log10(error)))
+        if not self._subject.options.balance:
             return plan
         return replace(plan, quantisation=plan.quantisation.balanced(found.graded, found.inter))
 
     def planned(self) -> SequencePlan:
         """With the QP asked for, or the one that gives the quality asked for."""
         options = self._subject.options
-        qp = expected_qp(options.qp, options.quality)
-        plan = self.balanced(qp)
+        plan = self.balanced(expected_qp(options.qp, options.quality))
         if options.qp is not None:
             return plan
-        for _ in range(_MOST_TRIALS - 1):
-            if plan.estimate is None or abs(plan.estimate - options.quality) < _NEAR_ENOUGH:
-                break
-            better = float(np.clip(qp + (plan.estimate - options.quality), MIN_QP, MAX_QP))
-            if better == qp:
-                break
-            qp, plan = better, self.balanced(better)
+        tried: list[tuple[float, SequencePlan]] = []
+        while plan.estimate is not None:
+            tried.append((plan.estimate - options.quality - _MARGIN, plan))
+            error, nearest = min(tried, key=lambda trial: abs(trial[0]))
+            better = _better_qp([(more, trial.qp) for more, trial in tried])
+            if abs(error) < _NEAR_ENOUGH or len(tried) == _MOST_TRIALS or better == plan.qp:
+                return nearest
+            plan = self.balanced(better)
         return plan
+
+
+def _better_qp(tried: Sequence[tuple[float, float]]) -> float:
+    """The QP to try next; `tried`: by how many dB estimates are better than what is asked for, and QPs."""
+    finer = min((trial for trial in tried if trial[0] >= 0.0), default=None)
+    coarser = max((trial for trial in tried if trial[0] < 0.0), default=None)
+    if finer is not None and coarser is not None:
+        # a few Gaussians that swap places make steps in the curve: between the two it has to be
+        return float(np.interp(0.0, [coarser[0], finer[0]], [coarser[1], finer[1]]))
+    more, qp = min(tried, key=lambda trial: abs(trial[0]))
+    return float(np.clip(qp + more, MIN_QP, MAX_QP))
 
 
 def _sampled(subject: _Subject) -> Iterator[tuple[int, list[int]]]:

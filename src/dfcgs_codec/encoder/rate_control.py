@@ -126,6 +126,13 @@ class Quantisation:
         """For verbatim I-frames: positions that come out as float32, however the input has them."""
         return replace(self, units=replace(self.units, precision=Precision.FLOAT32))
 
+    def finer(self, octaves: float) -> Quantisation:
+        """With finer steps of P-frames, but for those that bounds or the input's own steps have set."""
+        if octaves <= 0.0:
+            return self
+        free = self.steps.keys() - self.bounded - self.exact
+        return replace(self, steps=_coarser(self.steps, dict.fromkeys(free, -octaves)))
+
     def balanced(self, graded: Mapping[Attribute, float], inter: Mapping[Attribute, float]) -> Quantisation:
         """With steps of graded I-frames, and of P-frames, coarser by so many octaves."""
         return replace(

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.escapes import Escapes
-from dfcgs_codec.encoder.appearing import ColourSteps
+from dfcgs_codec.bitstream.frame_headers import Grading
 from dfcgs_codec.encoder.frame_coding import CodedFrame
-from dfcgs_codec.encoder.identity import Members
+from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.motion_choice import MotionHint
 from dfcgs_codec.encoder.placing import Placing
 from dfcgs_codec.encoder.report import EncodeReport
@@ -68,7 +68,7 @@ class CodedReference:
 
     `cloud` and `planes` are those of the input, in its order; `moved` (N, 3): how far they went in one
     frame, or nan; `hint`: what motion was best; `is_held`: attributes changed that P-frames of the profile
-    do not carry.
+    do not carry; `succession` from the frame before, `grading` of an I-frame.
     """
 
     coded: CodedFrame
@@ -80,4 +80,5 @@ class CodedReference:
     moved: Float64 | None = None
     hint: MotionHint | None = None
     is_held: bool = False
-    colours: ColourSteps | None = None
+    succession: Succession | None = None
+    grading: Grading | None = None

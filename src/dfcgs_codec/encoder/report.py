@@ -130,7 +130,8 @@ class EncodeReport:
     `held_frames`: P-frames whose profile kept what changed in the input besides position and rotation;
     `num_escapes`: values that the grids do not hold, in `escaped_frames`; `qp` that was chosen;
     `estimated_psnr` of images, dB, None where nothing can be said; `num_unseen`: Gaussians of the first frame
-    that show from none of the cameras and are left out, None without cameras.
+    that show from none of the cameras and are left out, None without cameras; `behind`: by how many dB each
+    frame seems worse than an I-frame in its place.
     """
 
     frames: list[FrameRecord] = field(default_factory=list)
@@ -143,6 +144,7 @@ class EncodeReport:
     qp: float | None = None
     estimated_psnr: float | None = None
     num_unseen: int | None = None
+    behind: list[float] = field(default_factory=list)
 
     def add_frame(self, record: FrameRecord, errors: dict[str, ErrorStatistics]) -> None:
         """Record a frame and its errors."""
@@ -157,6 +159,7 @@ class EncodeReport:
         self.held_frames += other.held_frames
         self.num_escapes += other.num_escapes
         self.escaped_frames += other.escaped_frames
+        self.behind += other.behind
         for name, statistics in other.errors.items():
             self.errors.setdefault(name, ErrorStatistics()).merge(statistics)
 

@@ -65,7 +65,7 @@ def _light(ray: Int64, alphas: Float32) -> Float32:
     """The share of light (P,) that passes what lies before; pairs sorted by `ray`, front to back."""
     depth = -np.log1p(-alphas.astype(np.float64))
     before = np.cumsum(depth) - depth
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(ray)) + 1])
+    starts = np.flatnonzero(np.diff(ray, prepend=-1))
     lengths = np.diff(np.concatenate([starts, [len(ray)]]))
     before -= np.repeat(before[starts], lengths)
     light: Float32 = np.exp(-before).astype(np.float32)

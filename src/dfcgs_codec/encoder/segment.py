@@ -18,7 +18,6 @@ from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import Planes, intra_symbols
 from dfcgs_codec.encoder.announced import check_announced
-from dfcgs_codec.encoder.appearing import ColourSteps, differing_rows
 from dfcgs_codec.encoder.canonical import AxisNames
 from dfcgs_codec.encoder.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame_coding import (
@@ -40,6 +39,7 @@ from dfcgs_codec.encoder.report import FrameRecord
 from dfcgs_codec.encoder.shown import Shown
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.triage import is_tracked
+from dfcgs_codec.encoder.watch import Watch
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.registry import latent_model
 from dfcgs_codec.sequence import FrameSource
@@ -49,6 +49,14 @@ Float64 = npt.NDArray[np.float64]
 
 #: a P-frame that costs more than this share of the last I-frame has an I-frame tried beside it
 _TRY_INTRA_SHARE = 0.7
+#: dB by which a P-frame may be behind an I-frame in its place, and are to be; what is further behind is coded
+#: again, in finer steps. The frames that follow go part of the way
+_MOST_BEHIND, _AIM_BEHIND = 1.8, 0.3
+_FOLLOWED = 0.4
+#: finer steps have helped that take this share of it away; what does not help was never coded, but appeared
+_HELPED = 0.25
+_DB_PER_OCTAVE = 6.02
+_MOST_FINER = 3.0
 
 
 class SegmentEncoder:
@@ -64,6 +72,7 @@ class SegmentEncoder:
         self._latent_coder: LatentCoder | None = None
         if plan.header.profile == Profile.PAPER:
             self._latent_coder = LatentCoder(plan, latent_model(plan.header.model_id))
+        self._watch, self._finer = Watch(plan), 0.0
         self._meter = ErrorMeter(plan.header.unit_exponents)
         self._before: GaussianCloud | None = None
         self._anchors: dict[int, RunStart] = {}
@@ -73,6 +82,7 @@ class SegmentEncoder:
         """Frames start..stop - 1; calls `on_frame` after each."""
         # what is remembered from frame to frame begins anew: bytes do not depend on who coded what
         self._inter_coder, self._before = InterCoder(self._plan), None
+        self._watch, self._finer = Watch(self._plan), 0.0
         segment = CodedSegment()
         loop: CodedReference | None = None
         measured: Future[None] | None = None
@@ -90,7 +100,9 @@ class SegmentEncoder:
                     segment.report.num_escapes += len(frame.escapes)
                     segment.report.escaped_frames += 1
                 if loop.coded.kind == "I":
+                    self._watch.begin(loop.target, loop.coded.state.frame, loop.grading)
                     segment.gofs.append(CodedGof(index))
+                segment.report.behind.append(self._watch.level)
                 segment.gofs[-1].frames.append(loop.coded.data)
                 if measured is not None:
                     measured.result()
@@ -128,19 +140,28 @@ class SegmentEncoder:
         if not found or min(len(loop.coded.data) for loop in found) > limit:
             found.append(self._intra(index, frame))
         best = min(found, key=lambda loop: len(loop.coded.data))
-        return self._intra(index, frame) if self._is_behind(best) else best
+        if before is None or best.succession is None or best.coded.kind != "P":
+            return best
+        return self._good_enough(index, frame, before, best)
 
-    def _fresh(self, state: GofState) -> Int64 | None:
-        """Steps (N,) of colours in an I-frame in place of the frame that left `state`, if they follow it."""
-        steps = self._inter_coder.slack(state).get(Attribute.SH_DC)
-        return None if steps is None else steps[:, 0]
-
-    def _is_behind(self, loop: CodedReference) -> bool:
-        fresh = self._fresh(loop.coded.state) if loop.colours is not None else None
-        if fresh is None or loop.coded.kind == "I":
-            return False
-        assert loop.colours is not None
-        return loop.colours.are_behind(loop.coded.state, fresh)
+    def _good_enough(
+        self, index: int, frame: InputFrame, before: CodedReference, loop: CodedReference
+    ) -> CodedReference:
+        """A P-frame, or in finer steps, or an I-frame in its place: one that is not far behind I-frames."""
+        assert loop.succession is not None
+        found = self._watch.behind(loop.target, loop.coded.state.frame, index)
+        behind, short = found, max(found, self._watch.short())
+        if short > _MOST_BEHIND:
+            self._finer = min(self._finer + (short - _AIM_BEHIND) / _DB_PER_OCTAVE, _MOST_FINER)
+            loop = self._inter(index, frame, before, loop.succession)
+            behind = self._watch.behind(loop.target, loop.coded.state.frame, index)
+            helped = found - behind > _HELPED * found
+            if (behind > _MOST_BEHIND and not helped) or len(loop.coded.data) > before.intra_bytes:
+                return self._intra(index, frame)
+        self._watch.go_on()
+        change = _FOLLOWED * (max(behind, self._watch.short()) - _AIM_BEHIND) / _DB_PER_OCTAVE
+        self._finer = min(max(self._finer + change, 0.0), _MOST_FINER)
+        return loop
 
     def _inter(
         self, index: int, frame: InputFrame, before: CodedReference, succession: Succession
@@ -159,7 +180,7 @@ class SegmentEncoder:
             coded, hint = self._latent_coder.code(index, task.target, task.before, state), None
             held = any((task.target[a] != task.before[a]).any() for a in task.target if a not in CARRIED)
         else:
-            coded, hint = self._inter_coder.code(task)
+            coded, hint = self._inter_coder.code(task, self._finer)
         unit = 2.0**self._plan.header.unit_exponents.position
         went = task.target[Attribute.POSITION] - task.before[Attribute.POSITION]
         moved: Float64 = went.astype(np.float64) * unit
@@ -172,12 +193,18 @@ class SegmentEncoder:
             target = {a: np.concatenate([v, came[a]])[source] for a, v in target.items()}
             unknown = np.full((births.change.num_births, 3), np.nan)
             moved = np.concatenate([moved, unknown])[source]
-        loop = CodedReference(coded, members, target, cloud, planes, before.intra_bytes, moved, hint, held)
-        fresh = None if before.colours is None else self._fresh(coded.state)
-        if fresh is None or before.colours is None:
-            return loop
-        differs = differing_rows(task.target[Attribute.SH_DC], task.before[Attribute.SH_DC])
-        return replace(loop, colours=before.colours.after(kept, differs, fresh, coded.source))
+        return CodedReference(
+            coded,
+            members,
+            target,
+            cloud,
+            planes,
+            before.intra_bytes,
+            moved,
+            hint,
+            held,
+            succession=succession,
+        )
 
     def _settled_births(self, births: Births, state: GofState, source: Int64) -> Members:
         """Those that came, under the axis names that their coding gives them."""
@@ -243,10 +270,8 @@ class SegmentEncoder:
         if index == first:
             self._names = {first: names.take(np.argsort(order))}
         members = Members(order, names)
-        fresh = self._fresh(coded.state)
-        colours = None if fresh is None else ColourSteps(fresh)
-        target = members.target(planes)
-        return CodedReference(coded, members, target, cloud, planes, len(coded.data), colours=colours)
+        target, grading = members.target(planes), placing.graded.grading
+        return CodedReference(coded, members, target, cloud, planes, len(coded.data), grading=grading)
 
     def _settled(self, first: int, anchor: RunStart) -> AxisNames:
         """Axis names, in input order, of the first frame of a run: those that its I-frame gives them."""

@@ -80,7 +80,7 @@ def image_errors(
     # scales of +-80 and scenes of 1e-30 units leave the range of floats; such looks say nothing
     @np.errstate(all="ignore")
     def of_patch(patch: Patch) -> dict[Attribute, ImageError]:
-        return _errors_of(patch, *draw(patch.rows))
+        return _errors_of(patch, *draw(patch.rows)) if len(patch.rows) else {}
 
     total: dict[Attribute, ImageError] = {}
     with ThreadPoolExecutor(2) as beside:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.encoder.patches import Patch, patches_of_views
+from dfcgs_codec.encoder.patches import PATCHES, Patch, patches_of_views
 from dfcgs_codec.encoder.seen import largest_weights
 from dfcgs_codec.encoder.sensitivity import squared
 from dfcgs_codec.encoder.splats import Splats, extent
@@ -94,9 +94,10 @@ class Region:
         left_out = error_without(splats, ~(weights > least), patches)
         return replace(self, least=least, error=left_out)
 
-    def patches(self, splats: Splats) -> list[Patch]:
-        """Patches of the judges' images."""
-        return patches_of_views(splats, self.judges, self.near)
+    def patches(self, splats: Splats, part: int = 0, parts: int = 1) -> list[Patch]:
+        """Patches of the judges' images, or one part of them."""
+        judges = self.judges[part::parts] or self.judges
+        return patches_of_views(splats, judges, self.near, -(-PATCHES // parts))
 
     def seen(self, weights: Float64) -> Seen:
         """What is coded of a frame of such weights."""

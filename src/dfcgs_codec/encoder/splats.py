@@ -59,6 +59,7 @@ class Splats:
     colours: Float64
 
     @staticmethod
+    @np.errstate(all="ignore")
     def of(cloud: GaussianCloud) -> Splats:
         """Those of a frame."""
         colours = np.concatenate([cloud.sh_dc[:, :, None], cloud.sh_rest], axis=2).astype(np.float64)

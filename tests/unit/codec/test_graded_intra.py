@@ -36,7 +36,7 @@ def task(
     count = cloud.num_gaussians
     if cover is None:
         cover = np.random.default_rng(7).uniform(0, 5, count)
-    plan = GradedPlan.of(planes, cover, quantisation)
+    plan = GradedPlan.of(planes, np.rint(cover).astype(np.int64), quantisation)
     if coarse_log2 is not None:
         plan = replace(plan, grading=replace(plan.grading, coarse_log2=coarse_log2))
     if not alternating:
@@ -169,7 +169,7 @@ def test_bounded_scales_are_not_companded() -> None:
     cloud = real_cloud(300)
     quantisation = plan_quantisation(28, (Bound("scale", 0.01),), cloud)
     planes = {a: p.wide() for a, p in state_of(cloud, quantisation.units).planes.items()}
-    assert GradedPlan.of(planes, np.zeros(300), quantisation).grading.thin_octaves == 0
+    assert GradedPlan.of(planes, np.zeros(300, np.int64), quantisation).grading.thin_octaves == 0
 
 
 def test_covered_gaussians_are_coarser() -> None:

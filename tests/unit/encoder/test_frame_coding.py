@@ -13,8 +13,8 @@ from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.encoder import inter_coding
 from dfcgs_codec.encoder import segment as segment_module
-from dfcgs_codec.encoder.encoder import plan_sequence
 from dfcgs_codec.encoder.frame_coding import CodedFrame
+from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.segment import SegmentEncoder
 from dfcgs_codec.sequence import MemorySource
 from tests.helpers import all_changing, drifting, make_cloud

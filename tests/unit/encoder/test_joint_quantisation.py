@@ -61,7 +61,7 @@ def test_bounded_opacities_are_left_alone() -> None:
     for bounds in ((), (Bound("alpha", 0.05),)):
         quantisation = plan_quantisation(28, bounds, cloud)
         found = Targets(quantisation.units).planes(cloud)
-        plan = GradedPlan.of(found, np.zeros(300), quantisation)
+        plan = GradedPlan.of(found, np.zeros(300, np.int64), quantisation)
         target = plan.target(found, np.arange(300), quantisation, 0.5)
         same = np.array_equal(target.opacities(found[Attribute.SCALE] + 500), found[Attribute.OPACITY])
         assert same == bool(bounds)

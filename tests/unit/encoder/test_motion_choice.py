@@ -47,7 +47,7 @@ def test_what_stands_still_beside_motion_keeps_every_bit(tmp_path: Path) -> None
     cloud = small(2000)
     frames = [waving(cloud, 0.05 * index) for index in range(4)]
     path = tmp_path / "sequence.dgs"
-    encode_sequence(frames, path, EncoderOptions(control_spacing=40))
+    encode_sequence(frames, path, EncoderOptions(qp=28, control_spacing=40))
     decoded = [frame.state.planes for frame in decode_sequence(path)]
     changed = np.zeros(2000, bool)
     for planes in decoded[1:]:

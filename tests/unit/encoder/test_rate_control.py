@@ -12,11 +12,15 @@ from hypothesis import strategies as st
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.encoder.rate_control import (
     BOUND_UNITS,
+    MAX_PSNR,
     MAX_QP,
+    MIN_PSNR,
+    MIN_QP,
     QUALITIES,
     REFERENCE_QP,
     Bound,
     Quantisation,
+    expected_qp,
     plan_quantisation,
     typical_size,
 )
@@ -85,7 +89,12 @@ def test_grids_are_finer_than_steps_and_legal(qp: float) -> None:
 
 def test_qualities_go_from_coarse_to_fine() -> None:
     assert list(QUALITIES) == ["low", "medium", "high", "transparent"]
-    assert sorted(QUALITIES.values(), reverse=True) == list(QUALITIES.values())
+    assert sorted(QUALITIES.values()) == list(QUALITIES.values())
+    qps = [expected_qp(None, quality) for quality in QUALITIES.values()]
+    assert sorted(qps, reverse=True) == qps
+    assert expected_qp(None, MAX_PSNR) == MIN_QP
+    assert expected_qp(None, MIN_PSNR) <= MAX_QP
+    assert expected_qp(3.5, 37.0) == 3.5
 
 
 def test_typical_size_is_the_geometric_mean() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dfcgs_codec import EncoderOptions, GaussianCloud
-from dfcgs_codec.encoder.encoder import plan_sequence
+from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder
 from dfcgs_codec.sequence import MemorySource
 from tests.helpers import all_changing, drifting, make_cloud, shuffled, still, untracked

@@ -170,7 +170,7 @@ def test_births_have_graded_steps_and_settle(order: OutputOrder, tmp_path: Path)
 def test_births_cost_what_they_cost_in_an_i_frame(tmp_path: Path) -> None:
     path, whole = tmp_path / "coming.dgs", tmp_path / "whole.dgs"
     frames = coming(3000)[:2]
-    encode_sequence(frames, path, EncoderOptions(qp=26, cover=False))
-    encode_sequence(frames[1:], whole, EncoderOptions(qp=26, cover=False))
+    encode_sequence(frames, path, EncoderOptions(qp=26))
+    encode_sequence(frames[1:], whole, EncoderOptions(qp=26))
     births = probe(path).frames[1].num_bytes
     assert births < 0.65 * whole.stat().st_size

@@ -1,0 +1,129 @@
+"""P-frames checked in the image: are they as good as I-frames in their place would be?
+
+A few patches of each frame are drawn as the input has them, as they were decoded and as an I-frame would
+quantise them. The same patches say both errors, so that a few suffice. An encoder's choice; floats are
+welcome here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.bitstream.frame_headers import Grading
+from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.encoder.balance import Quantised
+from dfcgs_codec.encoder.grading import steps_in_intra_frame
+from dfcgs_codec.encoder.patches import NEARBY_BIAS, Surroundings, patches_nearby
+from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.sensitivity import squared
+from dfcgs_codec.encoder.splats import Splats, alpha_of, deviations
+from dfcgs_codec.transform.companding import expand
+
+Int64 = npt.NDArray[np.int64]
+Float64 = npt.NDArray[np.float64]
+Planes = Mapping[Attribute, Int64]
+
+#: patches of an I-frame, and of a P-frame
+_OF_INTRA, _OF_INTER = 32, 12
+#: a few patches say little: those of the frames before count this much less with each frame
+_REMEMBERED = 0.6
+#: and what the quality asked for says, where it is worse by so many dB
+_SURE = 1.5
+#: what a frame alone says counts where it is worse than with those before by so many dB
+_UNSURE = 1.5
+#: errors of I-frames, to those expected of them; other figures come from frames that show too little
+_USUAL = 0.4, 1.0
+#: squared errors below this show nowhere
+_LEAST_ERROR = 1e-9
+
+
+class Watch:
+    """Compares frames of a GoF with what its I-frame was.
+
+    `level`: by how many dB the last frames were worse than I-frames in their place.
+    """
+
+    def __init__(self, plan: SequencePlan) -> None:
+        self._plan = plan
+        self._grading: Grading | None = None
+        self._usual = 1.0
+        self._before = self._now = np.zeros(3)
+        self.level = 0.0
+
+    def begin(self, target: Planes, state: FrameState, grading: Grading | None) -> None:
+        """A GoF begins: how far its I-frame is from what is expected of I-frames."""
+        self._grading, self.level = grading, 0.0
+        if grading is None:
+            return
+        decoded, expected = self._errors(target, state, _OF_INTRA, 0)
+        self._usual = min(max(decoded / expected, _USUAL[0]), _USUAL[1])
+        share = _OF_INTER / _OF_INTRA
+        self._before = self._now = np.array([decoded, expected, _OF_INTER / share]) * share
+
+    def go_on(self) -> None:
+        """The frame that was looked at is kept."""
+        self._before = _REMEMBERED * self._before + self._now
+        self.level = self._decibels(self._before)
+
+    def behind(self, target: Planes, state: FrameState, index: int) -> float:
+        """By how many dB a frame is worse than an I-frame in its place."""
+        if self._grading is None:
+            return 0.0
+        self._now = np.array([*self._errors(target, state, _OF_INTER, index), _OF_INTER])
+        together = _REMEMBERED * self._before + self._now
+        return max(self._decibels(together), self._decibels(self._now) - _UNSURE)
+
+    def short(self) -> float:
+        """By how many dB the frame that was looked at is surely worse than the sequence is to be."""
+        error, _, count = _REMEMBERED * self._before + self._now
+        wanted = self._plan.estimate
+        return 0.0 if wanted is None else wanted + 10.0 * float(np.log10(error / count)) - NEARBY_BIAS - _SURE
+
+    def _decibels(self, errors: Float64) -> float:
+        return 10.0 * float(np.log10(errors[0] / errors[1] / self._usual))
+
+    @np.errstate(all="ignore")
+    def _errors(self, target: Planes, state: FrameState, count: int, seed: int) -> tuple[float, float]:
+        """Squared errors of a frame as it was decoded, and as I-frames have them."""
+        assert self._grading is not None
+        quantisation, grading, zero_bin = (
+            self._plan.quantisation,
+            self._grading,
+            self._plan.options.intra_zero_bin,
+        )
+        units, wanted = quantisation.units, Quantised(target, {}, quantisation.units, zero_bin)
+        decoded, expected = _LEAST_ERROR, _LEAST_ERROR
+        for patch in patches_nearby(_surroundings(wanted, state), count, seed):
+            there, everyone = state.take(patch.rows), np.arange(len(patch.rows))
+            steps = steps_in_intra_frame(there, units, grading, quantisation.graded_steps)
+            real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
+            here = {attribute: plane[patch.rows] for attribute, plane in target.items()}
+            image = patch.draw(wanted.splats(patch.rows)).image()
+            coded = {attribute: plane.wide() for attribute, plane in there.planes.items()}
+            decoded += squared(
+                patch.draw(Quantised(coded, {}, units, zero_bin).splats(everyone)).image(), image
+            )
+            intra = Quantised(here, real, units, zero_bin, grading.thin_octaves).quantised(everyone)
+            expected += squared(patch.draw(intra).image(), image)
+        return decoded, expected
+
+
+def _surroundings(wanted: Quantised, state: FrameState) -> Surroundings:
+    """What patches are chosen from: Gaussians that show as they should, or as they were decoded."""
+    planes, units = wanted.planes, wanted.units
+
+    def draw(rows: Int64) -> Splats:
+        splats = wanted.splats(rows)
+        return replace(splats, alpha=alpha[rows])
+
+    scales = planes[Attribute.SCALE] * 2.0**units.scale
+    opacities = np.maximum(planes[Attribute.OPACITY][:, 0], state.planes[Attribute.OPACITY].values[:, 0])
+    alpha = alpha_of(expand(opacities, units.opacity) * 2.0**units.opacity)
+    middle = 0.5 * (scales.sum(axis=1) - scales.min(axis=1))
+    positions = wanted.positions(planes[Attribute.POSITION])
+    return Surroundings(positions, deviations(middle), deviations(scales.max(axis=1)), alpha, draw)
