@@ -18,6 +18,9 @@ from evaluation.record import REPOSITORY
 _MORE_QPS = (40,)
 #: QPs of a typical scene at `high`, `medium` and `low`: those of the curves beside the default one
 CURVE_QPS = (18, 28, 34)
+#: QPs of uniform steps, from below what `low` shows to about `transparent`; images of rooms fall apart
+#: at once where steps become coarser than what stands before the camera
+_UNIFORM_QPS = (28, 23, 18, 13, 8)
 #: our curves: label and further options of `dfcgs encode`
 CODEC_CURVES = {
     "dfcgs": ("dfcgs (default)", []),
@@ -97,7 +100,7 @@ def takes_views() -> bool:
 
 def capture_points(cameras: Path) -> list[Point]:
     """What is asked of captures beside: steps that heed nothing, and presets told where the cameras stood."""
-    points = [codec_point("dfcgs_uniform", f"qp{qp}", ["--qp", str(qp)]) for qp in (*CURVE_QPS, 8)]
+    points = [codec_point("dfcgs_uniform", f"qp{qp}", ["--qp", str(qp)]) for qp in _UNIFORM_QPS]
     if not takes_views():
         return points
     digest = hashlib.sha256(cameras.read_bytes()).hexdigest()[:16]

@@ -15,7 +15,7 @@ from training.scenes.catalogue import CATALOGUE, Scene, generator_parameters, gr
 from training.scenes.fitted import read_about
 
 #: a change of the list is a change of every figure measured with it: measure again, then change this
-DIGEST = "2b6db82e2cadffe6aedf6c9e4d4edba4b5652beea17c8ca5707bd2d028b3a5ae"
+DIGEST = "5076c19e8deec7eb2bc10321de65685bc7b7dddb4e751d44242088b4e130c367"
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 
 

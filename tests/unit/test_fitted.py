@@ -28,6 +28,8 @@ DIGESTS = {
     "fitted_mage": "66f1244c17ef7deedb8c107449d5f3f4616cd0de0344e800fd3893fe8b5139a0",
     "capture_kitchen": "9acf1e5212b43f4ebe37ccec020d93983cf487a37bd2cdd615b0e8c943937b8d",
     "capture_living_room": "f64f2246f46d8d7f275629348b295db1b355133b3d0d58b776271c1018733485",
+    "capture_dungeon": "2a3cf891d91711339e84d3c6077fdc0dd179cee2022f3175a66d4eb3967564fe",
+    "capture_bedroom": "64d462b8a01d55b3b0c2e585bb8ebf0325c24c53297ad82df004ec4f8a418959",
 }
 
 
