@@ -29,9 +29,9 @@ Float64 = npt.NDArray[np.float64]
 Planes = Mapping[Attribute, Int64]
 
 #: patches of an I-frame, and of a P-frame
-_OF_INTRA, _OF_INTER = 32, 12
+_OF_INTRA, _OF_INTER = 32, 8
 #: a few patches say little: those of the frames before count this much less with each frame
-_REMEMBERED = 0.6
+_REMEMBERED = 0.7
 #: and what the quality asked for says, where it is worse by so many dB
 _SURE = 1.5
 #: what a frame alone says counts where it is worse than with those before by so many dB
