@@ -206,7 +206,7 @@ class Surroundings:
         return Patch(camera, found.corner, found.near, near[found.rows])
 
 
-def patches_nearby(scene: Surroundings, count: int = PATCHES, seed: int = 0) -> list[Patch]:
+def patches_among(scene: Surroundings, count: int, seed: int) -> list[Patch]:
     """Patches without cameras: each looks at a Gaussian closely, from anywhere; none where nothing shows.
 
     Training makes Gaussians a few pixels wide in the images that it has, and as many as these have details.
@@ -223,3 +223,8 @@ def patches_nearby(scene: Surroundings, count: int = PATCHES, seed: int = 0) -> 
         if np.abs(scene.positions[target]).max() + _AWAY * _REACH * pixel < LARGEST:
             found.append(scene.patch(target, _direction((index + seed) % count, count), pixel))
     return found
+
+
+def patches_nearby(splats: Splats, count: int = PATCHES, seed: int = 0) -> list[Patch]:
+    """`patches_among` all of some Gaussians."""
+    return patches_among(Surroundings.of(splats), count, seed)

@@ -14,7 +14,7 @@ from dfcgs_codec.codec.dpb import columns_of
 from dfcgs_codec.encoder.lattice import keep_exactly
 from dfcgs_codec.encoder.off_grid import Grids
 from dfcgs_codec.encoder.options import EncoderOptions
-from dfcgs_codec.encoder.patches import NEARBY_BIAS, PATCHES, Patch, Surroundings, patches_nearby
+from dfcgs_codec.encoder.patches import NEARBY_BIAS, PATCHES, Patch, patches_nearby
 from dfcgs_codec.encoder.placing import Balance, Look, balanced_plan, intra_errors
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, expected_qp, plan_quantisation
@@ -196,7 +196,7 @@ class _Estimator:
             splats = Splats.of(cloud)
             with np.errstate(all="ignore"):
                 if self._region is None:
-                    patches = patches_nearby(Surroundings.of(splats), -(-PATCHES // part[1]), part[0])
+                    patches = patches_nearby(splats, -(-PATCHES // part[1]), part[0])
                 else:
                     patches = self._region.patches(splats, *part)
         return _View(cloud, cover, patches)

@@ -18,7 +18,7 @@ from dfcgs_codec.bitstream.frame_headers import Grading
 from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.encoder.balance import Quantised
 from dfcgs_codec.encoder.grading import steps_in_intra_frame
-from dfcgs_codec.encoder.patches import NEARBY_BIAS, Surroundings, patches_nearby
+from dfcgs_codec.encoder.patches import NEARBY_BIAS, Surroundings, patches_among
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.sensitivity import squared
 from dfcgs_codec.encoder.splats import Splats, alpha_of, deviations
@@ -98,7 +98,7 @@ class Watch:
         )
         units, wanted = quantisation.units, Quantised(target, {}, quantisation.units, zero_bin)
         decoded, expected = _LEAST_ERROR, _LEAST_ERROR
-        for patch in patches_nearby(_surroundings(wanted, state), count, seed):
+        for patch in patches_among(_surroundings(wanted, state), count, seed):
             there, everyone = state.take(patch.rows), np.arange(len(patch.rows))
             steps = steps_in_intra_frame(there, units, grading, quantisation.graded_steps)
             real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
