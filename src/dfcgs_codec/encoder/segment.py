@@ -55,6 +55,8 @@ _MOST_BEHIND, _AIM_BEHIND = 1.8, 0.3
 _FOLLOWED = 0.4
 #: finer steps have helped that take this share of it away; what does not help was never coded, but appeared
 _HELPED = 0.25
+#: if it is so many dB behind
+_APPEARED = 3.0
 _DB_PER_OCTAVE = 6.02
 _MOST_FINER = 3.0
 
@@ -156,7 +158,7 @@ class SegmentEncoder:
             loop = self._inter(index, frame, before, loop.succession)
             behind = self._watch.behind(loop.target, loop.coded.state.frame, index)
             helped = found - behind > _HELPED * found
-            if (behind > _MOST_BEHIND and not helped) or len(loop.coded.data) > before.intra_bytes:
+            if (behind > _APPEARED and not helped) or len(loop.coded.data) > before.intra_bytes:
                 return self._intra(index, frame)
         self._watch.go_on()
         change = _FOLLOWED * (max(behind, self._watch.short()) - _AIM_BEHIND) / _DB_PER_OCTAVE

@@ -82,7 +82,7 @@ class Watch:
         """By how many dB the frame that was looked at is surely worse than the sequence is to be."""
         error, _, count = _REMEMBERED * self._before + self._now
         wanted = self._plan.estimate
-        return 0.0 if wanted is None else wanted + 10.0 * float(np.log10(error / count)) - NEARBY_BIAS - _SURE
+        return 0.0 if wanted is None or self._grading is None else wanted + 10.0 * float(np.log10(error / count)) - NEARBY_BIAS - _SURE
 
     def _decibels(self, errors: Float64) -> float:
         return 10.0 * float(np.log10(errors[0] / errors[1] / self._usual))

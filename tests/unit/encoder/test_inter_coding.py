@@ -18,7 +18,7 @@ def coder_that_finds(monkeypatch: pytest.MonkeyPatch, sizes: list[int]) -> Inter
     """Its frames without motion have these sizes, one after the other."""
     rest = iter(sizes)
     monkeypatch.setattr(InterCoder, "_coded", lambda *_: SimpleNamespace(data=bytes(next(rest))))
-    return InterCoder(SimpleNamespace(options=EncoderOptions()))  # type: ignore[arg-type]
+    return InterCoder(SimpleNamespace(options=EncoderOptions(), quantisation=None))  # type: ignore[arg-type]
 
 
 def test_motion_that_was_better_is_trusted_for_some_frames(monkeypatch: pytest.MonkeyPatch) -> None:
