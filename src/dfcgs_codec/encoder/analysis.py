@@ -164,7 +164,7 @@ class ResidualQuantiser:
             found[np.abs(residual) < self.slack_share * real] = 0
         if attribute == Attribute.OPACITY and zero_bin.threshold > 0.5:
             # what is not to be seen must not be left a little visible
-            faint = target < _faintest(self.quantisation.units.opacity)
+            faint = target < faintest(self.quantisation.units.opacity)
             found[faint] = np.floor(residual[faint]).astype(np.int64)
         return found
 
@@ -202,6 +202,6 @@ def inter_symbols(
     return InterSymbols(activity)
 
 
-def _faintest(exponent: int) -> int:
+def faintest(exponent: int) -> int:
     """The companded opacity, in units of 2**exponent, below which nothing is drawn."""
     return int(compress(np.array([round(FAINTEST * 2.0**-exponent)]), exponent)[0])

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.encoder.analysis import faintest
 from dfcgs_codec.encoder.sensitivity import ImageError
 from dfcgs_codec.encoder.splats import Splats, alpha_of, deviations, rotation_matrices
 from dfcgs_codec.transform.companding import compress_thinness, expand, expand_thinness
@@ -115,11 +116,10 @@ class Quantised:
                 scales[:, 2] = scales[:, 1] - self._thinness(planes[attribute], errors[:, 0])
             return replace(splats, deviations=deviations(scales * 2.0**self.units.scale))
         if attribute == Attribute.OPACITY:
-            # where all are alike, as all nearly transparent, predictions leave no error
-            values = planes[attribute]
-            middle = np.median(values)
-            rounded = middle + np.rint((values - middle) / steps) * steps
-            return replace(splats, alpha=self._alpha(np.rint(rounded).astype(np.int64)))
+            # what is not to be seen is coded so that it is not
+            faint = planes[attribute] < faintest(self.units.opacity)
+            values = planes[attribute] + np.where(faint, 0, np.rint(errors[:, :1])).astype(np.int64)
+            return replace(splats, alpha=self._alpha(values))
         vectors = errors * (_RADIANS / 2 / STEREO_ONE)
         turns = rotation_matrices(np.concatenate([np.ones((len(rows), 1)), vectors], axis=1))
         return replace(splats, axes=np.einsum("nij,njk->nik", splats.axes, turns))
@@ -152,7 +152,7 @@ class Quantised:
         if not of_colour:
             return np.zeros((len(planes[Attribute.POSITION]), 3, 0))
         joined = np.concatenate(of_colour, axis=1)
-        return joined.reshape(len(joined), -1, 3).transpose(0, 2, 1) * 2.0**self.units.color
+        return joined.reshape(len(joined), joined.shape[1] // 3, 3).transpose(0, 2, 1) * 2.0**self.units.color
 
 
 def _entropy(size: Float64, zero_bin: float) -> Float64:

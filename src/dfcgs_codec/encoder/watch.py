@@ -67,6 +67,8 @@ class Watch:
 
     def go_on(self) -> None:
         """The frame that was looked at is kept."""
+        if self._grading is None:
+            return
         self._before = _REMEMBERED * self._before + self._now
         self.level = self._decibels(self._before)
 
@@ -82,7 +84,9 @@ class Watch:
         """By how many dB the frame that was looked at is surely worse than the sequence is to be."""
         error, _, count = _REMEMBERED * self._before + self._now
         wanted = self._plan.estimate
-        return 0.0 if wanted is None or self._grading is None else wanted + 10.0 * float(np.log10(error / count)) - NEARBY_BIAS - _SURE
+        if wanted is None or self._grading is None:
+            return 0.0
+        return wanted + 10.0 * float(np.log10(error / count)) - NEARBY_BIAS - _SURE
 
     def _decibels(self, errors: Float64) -> float:
         return 10.0 * float(np.log10(errors[0] / errors[1] / self._usual))
@@ -99,6 +103,8 @@ class Watch:
         units, wanted = quantisation.units, Quantised(target, {}, quantisation.units, zero_bin)
         decoded, expected = _LEAST_ERROR, _LEAST_ERROR
         for patch in patches_among(_surroundings(wanted, state), count, seed):
+            if not len(patch.rows):
+                continue
             there, everyone = state.take(patch.rows), np.arange(len(patch.rows))
             steps = steps_in_intra_frame(there, units, grading, quantisation.graded_steps)
             real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
