@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.frame_headers import Grading
+from dfcgs_codec.encoder.appearing import ColourSteps
 from dfcgs_codec.encoder.frame_coding import CodedFrame
 from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.motion_choice import MotionHint
@@ -80,5 +81,6 @@ class CodedReference:
     moved: Float64 | None = None
     hint: MotionHint | None = None
     is_held: bool = False
+    colours: ColourSteps | None = None
     succession: Succession | None = None
     grading: Grading | None = None

@@ -18,6 +18,7 @@ from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import Planes, intra_symbols
 from dfcgs_codec.encoder.announced import check_announced
+from dfcgs_codec.encoder.appearing import ColourSteps, differing_rows
 from dfcgs_codec.encoder.canonical import AxisNames
 from dfcgs_codec.encoder.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame_coding import (
@@ -32,6 +33,7 @@ from dfcgs_codec.encoder.identity import Members, Succession, found_members, sam
 from dfcgs_codec.encoder.inter_coding import Births, InterCoder, InterTask
 from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
 from dfcgs_codec.encoder.off_grid import Grids, in_gof_order, with_escapes
+from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.placing import Placing
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.reference import CodedGof, CodedReference, CodedSegment, InputFrame, RunStart
@@ -142,9 +144,25 @@ class SegmentEncoder:
         if not found or min(len(loop.coded.data) for loop in found) > limit:
             found.append(self._intra(index, frame))
         best = min(found, key=lambda loop: len(loop.coded.data))
-        if before is None or best.succession is None or best.coded.kind != "P":
+        free = self._plan.options.motion in (MotionMode.AUTO, MotionMode.OFF)
+        if before is None or best.succession is None or best.coded.kind != "P" or not free:
             return best
+        if self._is_behind(best):
+            return self._intra(index, frame)
         return self._good_enough(index, frame, before, best)
+
+    def _fresh(self, state: GofState) -> Int64 | None:
+        """Steps (N,) of colours in an I-frame in place of the frame that left `state`, if they follow it."""
+        steps = self._inter_coder.slack(state).get(Attribute.SH_DC)
+        return None if steps is None else steps[:, 0]
+
+    def _is_behind(self, loop: CodedReference) -> bool:
+        fresh = self._fresh(loop.coded.state) if loop.colours is not None else None
+        return (
+            fresh is not None
+            and loop.colours is not None
+            and loop.colours.are_behind(loop.coded.state, fresh)
+        )
 
     def _good_enough(
         self, index: int, frame: InputFrame, before: CodedReference, loop: CodedReference
@@ -195,18 +213,15 @@ class SegmentEncoder:
             target = {a: np.concatenate([v, came[a]])[source] for a, v in target.items()}
             unknown = np.full((births.change.num_births, 3), np.nan)
             moved = np.concatenate([moved, unknown])[source]
-        return CodedReference(
-            coded,
-            members,
-            target,
-            cloud,
-            planes,
-            before.intra_bytes,
-            moved,
-            hint,
-            held,
-            succession=succession,
-        )
+        found = CodedReference(coded, members, target, cloud, planes, before.intra_bytes, moved, hint, held)
+        if self._latent_coder is not None:
+            return found
+        found = replace(found, succession=succession)
+        fresh = None if before.colours is None else self._fresh(coded.state)
+        if fresh is None or before.colours is None:
+            return found
+        differs = differing_rows(task.target[Attribute.SH_DC], task.before[Attribute.SH_DC])
+        return replace(found, colours=before.colours.after(kept, differs, fresh, coded.source))
 
     def _settled_births(self, births: Births, state: GofState, source: Int64) -> Members:
         """Those that came, under the axis names that their coding gives them."""
@@ -272,8 +287,11 @@ class SegmentEncoder:
         if index == first:
             self._names = {first: names.take(np.argsort(order))}
         members = Members(order, names)
+        fresh = self._fresh(coded.state)
+        colours = None if fresh is None else ColourSteps(fresh)
         target, grading = members.target(planes), placing.graded.grading
-        return CodedReference(coded, members, target, cloud, planes, len(coded.data), grading=grading)
+        found = CodedReference(coded, members, target, cloud, planes, len(coded.data), colours=colours)
+        return replace(found, grading=grading)
 
     def _settled(self, first: int, anchor: RunStart) -> AxisNames:
         """Axis names, in input order, of the first frame of a run: those that its I-frame gives them."""

@@ -33,8 +33,8 @@ _MOST_PIXELS = 1600
 _NEAR, _NEAR_SHARE = 0.01, 1e-3
 #: in later frames of a run one of so many cameras is looked from
 _LATER = 4
-#: cover class of what shows nowhere and is kept all the same: the coarsest that helps
-_UNSEEN_COVER = 10
+#: cover class of what shows nowhere and is kept all the same: steps that are eight times as coarse
+_UNSEEN_COVER = 6
 #: halvings of the range in which the least weight is looked for
 _HALVINGS = 8
 
@@ -101,8 +101,7 @@ class Region:
 
     def seen(self, weights: Float64) -> Seen:
         """What is coded of a frame of such weights."""
-        sees_all = self.keeps_unseen or self.least <= 0.0
-        shows = weights > 0.0 if sees_all else weights >= self.least
+        shows = weights > 0.0 if self.least <= 0.0 else weights >= self.least
         if shows.all() or not shows.any():
             return ALL
         if self.keeps_unseen:

@@ -61,9 +61,9 @@ def test_what_is_behind_the_wall_is_kept_in_coarse_steps() -> None:
     assert seen.rows is None
     assert seen.num_left_out == 0
     assert seen.cover is not None
-    assert set(seen.cover.tolist()) == {0, 10}
+    assert set(seen.cover.tolist()) == {0, 6}
     assert (seen.cover[BEFORE] == 0).all()
-    assert (seen.cover[BEHIND] == 10).all()
+    assert (seen.cover[BEHIND] == 6).all()
 
 
 @pytest.mark.parametrize("asked", [1e-7, 1e-5, 1e-3])

@@ -160,7 +160,7 @@ def test_births_have_graded_steps_and_settle(order: OutputOrder, tmp_path: Path)
     assert "".join(frame.kind[0] for frame in report.frames)[:2] == "IP"
     # under the axis names that their coding gives them nothing is left to mend
     sizes = [frame.num_bytes for frame in report.frames]
-    assert max(sizes[2:]) < 0.05 * sizes[1]
+    assert max(sizes[2:]) < 0.12 * sizes[1]
     assert probe(path).bytes_by("attribute")["COVER"] > 0
     uniform = tmp_path / "uniform.dgs"
     encode_sequence(frames, uniform, EncoderOptions(qp=26, order=order, visibility=False))
