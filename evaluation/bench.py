@@ -7,7 +7,7 @@
 Figures land in `evaluation/results/bench.json` (`bench_full.json`, `bench_quick.json`) after every scene.
 What was measured before of the same input by the same code is taken from the cache under `out/bench`, so that
 a run that was interrupted goes on where it stopped. Methods and scenes that are not on this machine are
-skipped with a notice. `evaluation.captures` runs the same on captures.
+skipped with a notice. `evaluation.captures` runs the same on ten frames of captures.
 """
 
 from __future__ import annotations
@@ -62,6 +62,7 @@ PLANS = {
     "captures": Plan(
         "captures",
         tuple(range(len(ANGLES))),
+        10,
         methods=("dfcgs", "dfcgs_uniform", "dfcgs_views", "delta_zstd"),
         group="captures",
     ),
