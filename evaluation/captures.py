@@ -1,10 +1,11 @@
 """The comparison on captures: `python -m evaluation.captures [SCENE...] [--methods NAME...]`.
 
 Our presets, told where the cameras stood and not; uniform steps; quantised delta + zstd. Of ten frames every
-fifth is rendered from the eight views between the cameras of the fit. PSNR counts whole images, against the input and
-against the true images that the input was fitted to. `against`: bytes at equal PSNR, of each curve as a part
-of those of uniform steps and of the baseline. Figures land in `evaluation/results/captures.json` after every
-row; `evaluation.bench` says what is taken from the cache. `--methods` may name any of the comparison.
+fifth is rendered from the eight views between the cameras of the fit. PSNR counts whole images, against the
+input and against the true images that the input was fitted to. `against`: bytes at equal PSNR, of each curve
+as a part of those of uniform steps and of the baseline. Figures land in `evaluation/results/captures.json`
+after every row; `evaluation.bench` says what is taken from the cache. `--methods` may name any of the
+comparison.
 """
 
 from __future__ import annotations
