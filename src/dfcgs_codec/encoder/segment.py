@@ -53,12 +53,12 @@ Float64 = npt.NDArray[np.float64]
 _TRY_INTRA_SHARE = 0.7
 #: dB by which a P-frame may be behind an I-frame in its place, and are to be; what is further behind is coded
 #: again, in finer steps. The frames that follow go part of the way
-_MOST_BEHIND, _AIM_BEHIND = 1.8, 0.3
+_MOST_BEHIND, _AIM_BEHIND = 1.2, 0.3
 _FOLLOWED = 0.4
 #: finer steps have helped that take this share of it away; what does not help was never coded, but appeared
 _HELPED = 0.25
 #: if it is so many dB behind
-_APPEARED = 3.0
+_APPEARED = 2.5
 _DB_PER_OCTAVE = 6.02
 _MOST_FINER = 3.0
 

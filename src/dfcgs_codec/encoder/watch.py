@@ -28,8 +28,8 @@ Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
 Planes = Mapping[Attribute, Int64]
 
-#: patches of an I-frame, and of a P-frame
-_OF_INTRA, _OF_INTER = 32, 8
+#: groups of patches, and patches of each: in turn, a frame is looked at in one of them
+_GROUPS, _PATCHES = 4, 8
 #: a few patches say little: those of the frames before count this much less with each frame
 _REMEMBERED = 0.7
 #: and what the quality asked for says, where it is worse by so many dB
@@ -37,7 +37,7 @@ _SURE = 1.5
 #: what a frame alone says counts where it is worse than with those before by so many dB
 _UNSURE = 1.5
 #: errors of I-frames, to those expected of them; other figures come from frames that show too little
-_USUAL = 0.4, 1.0
+_USUAL = 0.2, 1.5
 #: squared errors below this show nowhere
 _LEAST_ERROR = 1e-9
 
@@ -51,7 +51,7 @@ class Watch:
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
         self._grading: Grading | None = None
-        self._usual = 1.0
+        self._usual = [1.0] * _GROUPS
         self._before = self._now = np.zeros(3)
         self.level = 0.0
 
@@ -60,10 +60,14 @@ class Watch:
         self._grading, self.level = grading, 0.0
         if grading is None:
             return
-        decoded, expected = self._errors(target, state, _OF_INTRA, 0)
-        self._usual = min(max(decoded / expected, _USUAL[0]), _USUAL[1])
-        share = _OF_INTER / _OF_INTRA
-        self._before = self._now = np.array([decoded, expected, _OF_INTER / share]) * share
+        self._before = np.zeros(3)
+        for group in range(_GROUPS):
+            decoded, expected = self._errors(target, state, _PATCHES, group)
+            # each group is compared with itself: a few patches have most of the error
+            usual = min(max(decoded / expected, _USUAL[0]), _USUAL[1])
+            self._usual[group] = usual
+            self._before += np.array([decoded, usual * expected, _PATCHES]) / _GROUPS
+        self._now = np.zeros(3)
 
     def go_on(self) -> None:
         """The frame that was looked at is kept."""
@@ -76,7 +80,9 @@ class Watch:
         """By how many dB a frame is worse than an I-frame in its place."""
         if self._grading is None:
             return 0.0
-        self._now = np.array([*self._errors(target, state, _OF_INTER, index), _OF_INTER])
+        group = index % _GROUPS
+        decoded, expected = self._errors(target, state, _PATCHES, group)
+        self._now = np.array([decoded, self._usual[group] * expected, _PATCHES])
         together = _REMEMBERED * self._before + self._now
         return max(self._decibels(together), self._decibels(self._now) - _UNSURE)
 
@@ -89,7 +95,7 @@ class Watch:
         return wanted + 10.0 * float(np.log10(error / count)) - NEARBY_BIAS - _SURE
 
     def _decibels(self, errors: Float64) -> float:
-        return 10.0 * float(np.log10(errors[0] / errors[1] / self._usual))
+        return 10.0 * float(np.log10(errors[0] / errors[1]))
 
     @np.errstate(all="ignore")
     def _errors(self, target: Planes, state: FrameState, count: int, seed: int) -> tuple[float, float]:
