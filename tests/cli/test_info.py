@@ -65,7 +65,7 @@ def test_text(stream: Path) -> None:
         "5 at 30 per second",
         "SH degree 2",
         "quality=37dB qp=",
-        "estimate=37",
+        "estimate=38",
         "x smaller",
         "bits per Gaussian",
         "inter_frame",
