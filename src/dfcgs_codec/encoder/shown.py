@@ -160,6 +160,8 @@ class Shown:
         return self._region.seen(self._region.weights(splats))
 
     def _first(self, index: int) -> GaussianCloud:
-        if self._start is None or self._start[0] != index:
-            self._start = index, self._source.read(index)[0]
-        return self._start[1]
+        start = self._start
+        if start is None or start[0] != index:
+            # frames are read in a thread beside the coding: what is returned is what was asked for
+            start = self._start = index, self._source.read(index)[0]
+        return start[1]

@@ -32,10 +32,10 @@ Planes = Mapping[Attribute, Int64]
 _GROUPS, _PATCHES = 4, 8
 #: a few patches say little: those of the frames before count this much less with each frame
 _REMEMBERED = 0.7
-#: and what the quality asked for says, where it is worse by so many dB
-_SURE = 1.5
 #: what a frame alone says counts where it is worse than with those before by so many dB
 _UNSURE = 1.5
+#: and that it is worse than the quality asked for, where it is by so many dB: patches differ from images
+_SURE = 1.5
 #: errors of I-frames, to those expected of them; other figures come from frames that show too little
 _USUAL = 0.2, 1.5
 #: squared errors below this show nowhere
