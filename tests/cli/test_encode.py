@@ -55,7 +55,8 @@ def test_json(frames_dir: Path, tmp_path: Path) -> None:
     target = tmp_path / "out.dgs"
     done = dfcgs("encode", frames_dir, target, "--json", "--verify")
     found = json.loads(done.stdout)
-    told = {"num_bytes", "qp", "estimated_psnr", "num_unseen", "errors", "notes", "verified", "frames"}
+    told = {"num_bytes", "qp", "estimated_psnr", "num_unseen", "unseen_cost_db"}
+    told |= {"errors", "notes", "verified", "frames"}
     assert set(found) == told
     assert found["estimated_psnr"] == pytest.approx(38, abs=1.0)
     assert found["num_unseen"] is None

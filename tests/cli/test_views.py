@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 from pathlib import Path
 
@@ -131,13 +132,19 @@ def test_what_no_viewer_sees_is_left_out_and_told(tmp_path: Path) -> None:
     done = encode(scene)
     assert done.returncode == 0, done.stderr
     info = settings(scene)
-    unseen = int(info.rpartition("unseen=")[2])
+    told = re.search(r" unseen=(\d+) unseen_cost=([\d.]+)dB$", info)
+    assert told is not None
+    unseen, cost = int(told[1]), float(told[2])
     assert 60 <= unseen < 600
-    assert f"left out: {unseen} Gaussians of the first frame, which no viewer sees\n" in done.stdout
+    said = (
+        f"left out: {unseen} Gaussians of the first frame, which no viewer sees (costs about {cost:.2f} dB)"
+    )
+    assert f"{said}\n" in done.stdout
     assert " estimate=" in info
     assert info in dfcgs("info", tmp_path / "out.dgs").stdout
     found = json.loads(encode(scene, "--force", "--json").stdout)
     assert found["num_unseen"] == unseen
+    assert found["unseen_cost_db"] == pytest.approx(cost, abs=0.01)
     assert [frame["num_gaussians"] for frame in found["frames"]] == [room().num_gaussians - unseen] * 2
     for options in (("--keep-unseen",), ("--views", "none")):
         done = encode(scene, "--force", *options)

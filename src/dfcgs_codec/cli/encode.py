@@ -109,6 +109,8 @@ def _summary(report: EncodeReport, target: Path) -> str:
         lines.append(f"images: about {report.estimated_psnr:.1f} dB (estimated), at QP {report.qp:.1f}")
     if report.num_unseen:
         lines.append(f"left out: {report.num_unseen} Gaussians of the first frame, which no viewer sees")
+        if report.unseen_cost_db is not None:
+            lines[-1] += f" (costs about {report.unseen_cost_db:.2f} dB)"
     lines.append(f"{'error':10} {'max':>12} {'mean':>12}")
     for name, error in _errors(report).items():
         lines.append(f"{name:10} {error['max']:12.6g} {error['mean']:12.6g}  {error['unit']}")
@@ -336,12 +338,9 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         _verify(output)
     if values["as_json"]:
         records = [vars(frame) for frame in report.frames]
-        result: dict[str, Any] = {
-            "num_bytes": report.num_bytes,
-            "qp": report.qp,
-            "estimated_psnr": report.estimated_psnr,
-        }
-        result |= {"num_unseen": report.num_unseen, "errors": _errors(report), "notes": [*told, *notes]}
-        click.echo(json.dumps(result | {"verified": values["verify"], "frames": records}))
+        said = ("num_bytes", "qp", "estimated_psnr", "num_unseen", "unseen_cost_db")
+        result: dict[str, Any] = {name: getattr(report, name) for name in said}
+        result |= {"errors": _errors(report), "notes": [*told, *notes], "verified": values["verify"]}
+        click.echo(json.dumps(result | {"frames": records}))
     elif not values["quiet"]:
         click.echo(_summary(report, output) + ("\nverified" if values["verify"] else ""))

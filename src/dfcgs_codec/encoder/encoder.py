@@ -99,7 +99,7 @@ def _write(
             "outside the grids planned from the first frame, or are not finite: they are kept exactly"
         )
     report.num_bytes = writer.size
-    report.qp, report.num_unseen = plan.qp, plan.num_unseen
+    report.qp, report.num_unseen, report.unseen_cost_db = plan.qp, plan.num_unseen, plan.unseen_cost
     if plan.estimate is not None:
         errors = 10.0 ** (np.array(report.behind) / 10.0)
         report.estimated_psnr = plan.estimate - 10.0 * float(np.log10(errors.mean()))

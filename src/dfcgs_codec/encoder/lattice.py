@@ -80,13 +80,14 @@ def _kept(found: Mapping[Attribute, int], quantisation: Quantisation, sh_degree:
     return steps if mean >= _MEAN_OCTAVES else {}
 
 
-def keep_exactly(quantisation: Quantisation, source: FrameSource, first: GaussianCloud) -> Quantisation:
+def keep_exactly(
+    quantisation: Quantisation, source: FrameSource, found: Mapping[Attribute, int], sh_degree: int
+) -> Quantisation:
     """With the input's own steps in attributes that it has quantised, where that pays.
 
-    Looks at the `first` frame of `source`, and where that is quantised at the middle and the last one.
+    `found`: `lattices` of the first frame of `source`; the middle and the last one are looked at, too.
     """
-    found = lattices(first)
-    steps = _kept(found, quantisation, first.sh_degree)
+    steps = _kept(found, quantisation, sh_degree)
     if not steps:
         return quantisation
     last = len(source.numbers) - 1

@@ -24,7 +24,8 @@ class SequencePlan:
     """Header, steps and options of a sequence; `anchors[i]` is the first frame of frame i's run.
 
     `qp`: the one that steps are from; `estimate`: the PSNR of images that they lead to, dB, where it could be
-    found. `region`: where viewers stand, if that is known, and what is `seen` of a run, by its first frame.
+    found. `region`: where viewers stand, if that is known, and what is `seen` of a run, by its first frame;
+    `unseen_cost`: what leaving out the rest costs of that PSNR, dB.
     `comments` of the input's PLY files are kept.
     """
 
@@ -34,6 +35,7 @@ class SequencePlan:
     qp: float
     anchors: list[int]
     estimate: float | None = None
+    unseen_cost: float | None = None
     region: Region | None = None
     seen: Mapping[int, Seen] = field(default_factory=dict)
     comments: tuple[bytes, ...] = ()
@@ -50,6 +52,8 @@ class SequencePlan:
             parts.append(f"estimate={self.estimate:.1f}dB")
         if self.num_unseen is not None:
             parts.append(f"unseen={self.num_unseen}")
+        if self.unseen_cost is not None:
+            parts.append(f"unseen_cost={self.unseen_cost:.2f}dB")
         return " ".join(parts)
 
     @property

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import LEVELS, MAX_CONTROL_POINTS, MODEL_HASH_BYTES, IntraKind, Profile
+from dfcgs_codec.bitstream.constants import (
+    LEVELS,
+    MAX_CONTROL_POINTS,
+    MODEL_HASH_BYTES,
+    Attribute,
+    IntraKind,
+    Profile,
+)
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.codec.dpb import columns_of
-from dfcgs_codec.encoder.lattice import keep_exactly
+from dfcgs_codec.encoder.lattice import keep_exactly, lattices
 from dfcgs_codec.encoder.off_grid import Grids
 from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.patches import NEARBY_BIAS, PATCHES, Patch, patches_nearby
@@ -101,6 +109,10 @@ class _Subject:
         """What is coded of the first frame."""
         return self.seen.of(self.first)
 
+    @cached_property
+    def _lattices(self) -> dict[Attribute, int]:
+        return lattices(self.first)
+
     def looked_at(self) -> list[int]:
         """Frames in which errors are estimated: the first, and those of its run in which others show."""
         run = [index for index, anchor in enumerate(self.anchors) if anchor == self.first_frame]
@@ -126,7 +138,7 @@ class _Subject:
         if options.intra == IntraKind.PLY:
             quantisation = quantisation.with_float32_positions()
         if options.exact and options.profile == Profile.MAIN and options.intra == IntraKind.CODED:
-            quantisation = keep_exactly(quantisation, self.source, self.first)
+            quantisation = keep_exactly(quantisation, self.source, self._lattices, self.first.sh_degree)
         model = installed(options.model) if options.model else None
         most = max(header.num_gaussians for header in headers)
         header = SequenceHeader(
@@ -215,6 +227,8 @@ class _Estimator:
         if error > 0.0:
             bias = NEARBY_BIAS if self._region is None else 0.0
             plan = replace(plan, estimate=bias - 10.0 * float(np.log10(error)))
+        if self._left_out > 0.0 and found.error > 0.0:
+            plan = replace(plan, unseen_cost=10.0 * float(np.log10(error / found.error)))
         return _Trial(plan, looks, found)
 
     def planned(self) -> SequencePlan:

@@ -130,8 +130,8 @@ class EncodeReport:
     `held_frames`: P-frames whose profile kept what changed in the input besides position and rotation;
     `num_escapes`: values that the grids do not hold, in `escaped_frames`; `qp` that was chosen;
     `estimated_psnr` of images, dB, None where nothing can be said; `num_unseen`: Gaussians of the first frame
-    that show from none of the cameras and are left out, None without cameras; `behind`: by how many dB each
-    frame seems worse than an I-frame in its place.
+    that show from none of the cameras and are left out, None without cameras, and `unseen_cost_db`: what that
+    costs of the PSNR of images, dB; `behind`: by how many dB each frame seems worse than an I-frame there.
     """
 
     frames: list[FrameRecord] = field(default_factory=list)
@@ -144,6 +144,7 @@ class EncodeReport:
     qp: float | None = None
     estimated_psnr: float | None = None
     num_unseen: int | None = None
+    unseen_cost_db: float | None = None
     behind: list[float] = field(default_factory=list)
 
     def add_frame(self, record: FrameRecord, errors: dict[str, ErrorStatistics]) -> None:

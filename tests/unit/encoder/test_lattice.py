@@ -26,7 +26,7 @@ def found_in(
     frames: list[GaussianCloud], qp: float = 18, bounds: tuple[Bound, ...] = ()
 ) -> frozenset[Attribute]:
     quantisation = plan_quantisation(qp, bounds, frames[0])
-    return keep_exactly(quantisation, MemorySource(frames), frames[0]).exact
+    return keep_exactly(quantisation, MemorySource(frames), lattices(frames[0]), frames[0].sh_degree).exact
 
 
 @pytest.mark.parametrize("exponent", [0, 1, 4, 12])

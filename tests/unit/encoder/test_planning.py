@@ -116,7 +116,10 @@ def test_the_file_says_what_was_chosen(tmp_path: Path) -> None:
     assert (report.qp, report.estimated_psnr, report.num_unseen) == (plan.qp, plan.estimate, plan.num_unseen)
     said = probe(tmp_path / "a.dgs").encoder_info
     assert said == plan.describe()
-    assert said.endswith(f" estimate={report.estimated_psnr:.1f}dB unseen={report.num_unseen}")
+    assert report.unseen_cost_db is not None
+    assert 0 < report.unseen_cost_db < 2.5
+    chosen = f" estimate={report.estimated_psnr:.1f}dB unseen={report.num_unseen}"
+    assert said.endswith(f"{chosen} unseen_cost={report.unseen_cost_db:.2f}dB")
     assert f"quality=37dB qp={report.qp:g} " in said
     assert report.num_unseen is not None
     assert report.num_unseen >= 60
