@@ -74,7 +74,7 @@ CAPTURES: dict[str, Capture] = {
         "captures_training",
         "street",
         Actor("Rogue.glb", "1H_Ranged_Reload", turn=60.0),
-        Rig("inside", (4.2, 1.9, 0.0), (0.0, 1.4, 0.0), 62.0),
+        Rig("forward", (0.4, 2.5, 9.0), (0.0, 1.4, -1.5), 48.0),
         seed=4,
     ),
 }
