@@ -57,6 +57,7 @@ def rate(subject: Subject, options: EncoderOptions) -> Figures:
     quality = summary(frame_quality(i, sources[i], cloud, views, whole) for i, cloud in decoded.items())
     mean, worst = quality["psnr"], quality["psnr_worst_frame"]
     return {
+        "frames": len(frames),
         "psnr": mean,
         "worst_minus_mean": None if mean is None else worst - mean,
         "estimated_psnr": getattr(report, "estimated_psnr", None),
@@ -113,7 +114,7 @@ def main(arguments: Arguments[str] | None = None) -> int:
             continue
         rows = rate_scene(scene, args.preset, args.frames, args.views)
         results[scene.name] = results.get(scene.name, {}) | rows
-        write_result("promise", {"frames": args.frames, "render_every": _RENDER_EVERY}, results)
+        write_result("promise", {"render_every": _RENDER_EVERY}, results)
     return 0
 
 
