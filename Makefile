@@ -45,8 +45,8 @@ env-train: $(TRAIN_STAMP) ## the same with torch, for training
 
 demo: $(STAMP) ## the main job on a real moving sequence: make frames, encode, decode in a fresh process, verify
 	rm -rf $(DEMO)
-	$(BIN)/python -m training.scenes assets/playbot_31k_sh2.ply $(DEMO)/frames --frames 10 --motion part --variant noisy
-	$(BIN)/python -m training.scenes assets/Fox.glb $(DEMO)/fox --frames 10 --gaussians 20000 --clip Run
+	$(BIN)/python -m lab.scenes assets/playbot_31k_sh2.ply $(DEMO)/frames --frames 10 --motion part --variant noisy
+	$(BIN)/python -m lab.scenes assets/Fox.glb $(DEMO)/fox --frames 10 --gaussians 20000 --clip Run
 	$(BIN)/dfcgs encode $(DEMO)/frames $(DEMO)/playbot.dgs --verify
 	$(BIN)/dfcgs encode $(DEMO)/fox $(DEMO)/fox.dgs --verify
 	$(BIN)/dfcgs decode $(DEMO)/playbot.dgs $(DEMO)/decoded

@@ -30,9 +30,9 @@ from dfcgs_codec.encoder.report import attribute_errors
 from dfcgs_codec.encoder.targets import Targets, ordered
 from dfcgs_codec.ply import read_ply
 from dfcgs_codec.transform.rotation import round_divide
-from evaluation.assets import find_asset, has_asset
 from evaluation.baselines import spz
-from evaluation.record import write_result
+from lab.assets import find_asset, has_asset
+from lab.record import write_result
 
 _SCENES = ("plant_114k_sh0.ply", "playbot_31k_sh2.ply", "playbot_125k_sh2.ply", "sushi_77k_sh3.ply")
 _UNITS = UnitExponents(position=-24, scale=-18, opacity=-18, color=-18)

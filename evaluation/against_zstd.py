@@ -29,8 +29,8 @@ from dfcgs_codec.encoder.targets import Targets, ordered
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.transform.rotation import round_divide
 from evaluation.baselines.delta_zstd import DeltaZstd
-from evaluation.record import write_result
 from evaluation.scenes import BENCHMARK_SCENES, make_scene
+from lab.record import write_result
 
 _GOF_SIZE = 10
 #: with the same errors as the baseline

@@ -24,10 +24,10 @@ from scipy.interpolate import PchipInterpolator
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence, probe
 from dfcgs_codec.encoder import rate_control
 from dfcgs_codec.encoder.rate_control import FINE_POSITION_QP_PER_OCTAVE, QP_PER_OCTAVE, REFERENCE_STEPS
-from evaluation.assets import find_asset, has_asset
-from evaluation.record import write_result
 from evaluation.sensitivity import attributes_of, error_curves
-from training.scenes.catalogue import Scene, group
+from lab.assets import find_asset, has_asset
+from lab.record import write_result
+from lab.scenes.catalogue import Scene, group
 
 Float64 = npt.NDArray[np.float64]
 OCTAVES = tuple(range(-6, 5))

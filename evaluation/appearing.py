@@ -20,10 +20,10 @@ import numpy.typing as npt
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.ply import read_ply
-from evaluation.assets import find_asset
-from evaluation.quality import frame_quality, image, psnr
-from evaluation.record import write_result
 from evaluation.surroundings import views
+from lab.assets import find_asset
+from lab.quality import frame_quality, image, psnr
+from lab.record import write_result
 
 NUM_FRAMES = 8
 #: decibels that `high` promises, and below I-frames only, at most

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from evaluation.curves import Row, kinds, measured
 from evaluation.paper_tables import table
-from evaluation.results_file import Row, kinds, measured, results
+from lab.record import results
 
 #: curves whose rows are named presets
 _PRESET_METHODS = ("dfcgs", "dfcgs_views")

@@ -21,15 +21,14 @@ import numpy as np
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Compensation
 from dfcgs_codec.encoder.options import MotionMode
-from evaluation.assets import find_asset, has_asset
-from evaluation.bench import known_results
-from evaluation.quality import FrameQuality, Image, Pool, frame_quality, image, psnr
-from evaluation.record import write_result
-from evaluation.render import Camera
 from evaluation.spread_bound import best_spread
-from evaluation.views import FEW, cameras
-from training.scenes.catalogue import Scene
-from training.scenes.catalogue import scene as named_scene
+from lab.assets import find_asset, has_asset
+from lab.quality import FrameQuality, Image, Pool, frame_quality, image, psnr
+from lab.record import known_results, write_result
+from lab.render import Camera
+from lab.scenes.catalogue import Scene
+from lab.scenes.catalogue import scene as named_scene
+from lab.views import FEW, cameras
 
 #: frames of the paper's GoF
 NUM_FRAMES = 10

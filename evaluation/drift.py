@@ -21,16 +21,15 @@ from typing import Any
 import numpy as np
 
 from dfcgs_codec.ply import read_ply
-from evaluation.assets import has_asset
 from evaluation.baselines.method import frame_path
-from evaluation.bench import known_results
 from evaluation.fresh import run_fresh
 from evaluation.points import codec_version
-from evaluation.quality import frame_quality, image, psnr
-from evaluation.record import write_result
 from evaluation.sequences import WORK, Sequence, materialise
-from evaluation.views import cameras
-from training.scenes.catalogue import group
+from lab.assets import has_asset
+from lab.quality import frame_quality, image, psnr
+from lab.record import known_results, write_result
+from lab.scenes.catalogue import group
+from lab.views import cameras
 
 GOF_SIZES = (4, 10, 32, 60, 300)
 QP = 28

@@ -22,13 +22,13 @@ import numpy as np
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.bitstream.constants import OutputOrder
 from dfcgs_codec.ply import read_ply
-from evaluation.assets import find_asset
-from evaluation.quality import frame_quality, image, psnr
-from evaluation.record import write_result
-from evaluation.render import Camera
 from evaluation.surroundings import views
-from training.scenes import SceneOptions, animated_sequence, trained_sequence
-from training.scenes.surroundings import SURROUNDINGS
+from lab.assets import find_asset
+from lab.quality import frame_quality, image, psnr
+from lab.record import write_result
+from lab.render import Camera
+from lab.scenes import SceneOptions, animated_sequence, trained_sequence
+from lab.scenes.surroundings import SURROUNDINGS
 
 NUM_FRAMES = 4
 FAR = (0.0, 1e3, 1e12)

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from evaluation.curves import Row, measured
 from evaluation.paper_tables import table
-from evaluation.record import REPOSITORY
-from evaluation.results_file import Row, has_results, measured, results
+from lab.record import REPOSITORY, has_results, results
 
 PAGE = REPOSITORY / "docs" / "field.md"
 _NUMBERS = Path(__file__).with_name("paper_field.json")

@@ -29,15 +29,14 @@ from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence, probe
 from dfcgs_codec.encoder import segment
 from dfcgs_codec.encoder.identity import Members, Succession, found_members
 from dfcgs_codec.ply import write_ply
-from evaluation.assets import has_asset
 from evaluation.baselines.method import frame_path
 from evaluation.fresh import run_fresh
 from evaluation.lost_order import OWN, TURNOVER, Identified, in_order, noises, order_lost, tracked
-from evaluation.record import write_result
-from evaluation.results_file import has_results, results
 from evaluation.sequences import WORK
-from training.scenes.asset import Float64, Int64
-from training.scenes.catalogue import Scene, group
+from lab.assets import has_asset
+from lab.meshes.asset import Float64, Int64
+from lab.record import has_results, results, write_result
+from lab.scenes.catalogue import Scene, group
 
 FRAMES = 10
 #: scenes that are coded as well

@@ -21,15 +21,15 @@ import zstandard
 
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.ply import read_ply, write_ply
-from evaluation.assets import find_asset, has_asset
 from evaluation.baselines.method import SequenceFacts, frame_path
 from evaluation.bd import bd_delta, rate_at
 from evaluation.fresh import run_fresh
 from evaluation.measure import Rated, Subject, measure
 from evaluation.points import Point, baseline_points, codec_point
-from evaluation.record import write_result
 from evaluation.sequences import WORK, Sequence
-from evaluation.views import FEW
+from lab.assets import find_asset, has_asset
+from lab.record import write_result
+from lab.views import FEW
 
 QPS = (2, 6, 10, 14, 18, 22, 26, 30, 34, 40)
 #: our curves: options behind the QP

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
-from evaluation.assets import find_asset
-from evaluation.record import write_result
-from training.scenes.catalogue import scene
+from lab.assets import find_asset
+from lab.record import write_result
+from lab.scenes.catalogue import scene
 
 _SCENE = "mage_spell"
 _REPEATS = 3

@@ -6,8 +6,8 @@ from typing import Any
 
 from evaluation.intra import CURVES
 from evaluation.paper_tables import table
-from evaluation.results_file import results
 from evaluation.surroundings import VARIANTS
+from lab.record import results
 
 _OTHERS = ("spz", "sog")
 

@@ -12,13 +12,13 @@ from collections.abc import Sequence as Arguments
 from dataclasses import replace
 from typing import Any
 
-from evaluation.assets import has_asset
 from evaluation.bd import bd_delta
-from evaluation.bench import PLANS, bench_scene, known_results, merged
+from evaluation.bench import PLANS, bench_scene, merged
+from evaluation.curves import curves
 from evaluation.points import Point, baseline_points, codec_points
-from evaluation.record import write_result
-from evaluation.results_file import curves
-from training.scenes.catalogue import scene as named_scene
+from lab.assets import has_asset
+from lab.record import known_results, write_result
+from lab.scenes.catalogue import scene as named_scene
 
 NUM_FRAMES = 60
 SCENES = ("knight_walk", "plant_sway", "sushi_part", "mage_spell")

@@ -15,12 +15,12 @@ from typing import TypeVar
 import numpy as np
 
 from dfcgs_codec.gaussians import GaussianCloud
-from evaluation.assets import find_asset
-from training.scenes import rotations
-from training.scenes.asset import Float64, Int64
-from training.scenes.catalogue import Scene
-from training.scenes.semi_tracked import SemiTrackedStatistics, semi_tracked_with_ids
-from training.scenes.tracked import DriftAmplitudes, NoisyStatistics, drifting, noisy
+from lab.assets import find_asset
+from lab.meshes.asset import Float64, Int64
+from lab.scenes import rotations
+from lab.scenes.catalogue import Scene
+from lab.scenes.semi_tracked import SemiTrackedStatistics, semi_tracked_with_ids
+from lab.scenes.tracked import DriftAmplitudes, NoisyStatistics, drifting, noisy
 
 #: frames, and their true identities (N,): equal in two frames = the same Gaussian
 Identified = Iterator[tuple[GaussianCloud, Int64]]

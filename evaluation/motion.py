@@ -17,13 +17,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from evaluation.assets import has_asset
 from evaluation.bd import bd_delta
-from evaluation.bench import PLANS, known_results, subject_of
+from evaluation.bench import PLANS, subject_of
 from evaluation.measure import Subject, measure
 from evaluation.points import CURVE_QPS, Point, codec_point
-from evaluation.record import write_result
-from training.scenes.catalogue import group
+from lab.assets import has_asset
+from lab.record import known_results, write_result
+from lab.scenes.catalogue import group
 
 _DEFAULT = "default"
 #: options of `dfcgs encode` by variant

@@ -28,13 +28,12 @@ from dfcgs_codec.codec.latent_motion import LatentReference
 from dfcgs_codec.encoder.options import RefinementMode
 from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.model.registry import latent_model, load_model, register
-from evaluation.assets import find_asset, has_asset
-from evaluation.bench import known_results
 from evaluation.paper_profile import NUM_FRAMES, PAPER, QP, measure, psnrs
-from evaluation.quality import image
-from evaluation.record import write_result
-from evaluation.views import FEW, cameras
-from training.scenes.catalogue import scene as named_scene
+from lab.assets import find_asset, has_asset
+from lab.quality import image
+from lab.record import known_results, write_result
+from lab.scenes.catalogue import scene as named_scene
+from lab.views import FEW, cameras
 
 SCENES = ("knight_walk", "mage_fitted", "lumberjack_walk_noisy")
 LONG_FRAMES = 32

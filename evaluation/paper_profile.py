@@ -20,13 +20,12 @@ from typing import Any
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Compensation, IntraKind, Profile
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
-from evaluation.assets import find_asset, has_asset
-from evaluation.bench import known_results
-from evaluation.quality import Image, Pool, frame_quality, image, psnr
-from evaluation.record import write_result
-from evaluation.render import Camera
-from evaluation.views import FEW, cameras
-from training.scenes.catalogue import group
+from lab.assets import find_asset, has_asset
+from lab.quality import Image, Pool, frame_quality, image, psnr
+from lab.record import known_results, write_result
+from lab.render import Camera
+from lab.scenes.catalogue import group
+from lab.views import FEW, cameras
 
 #: the paper's L
 NUM_FRAMES = 10

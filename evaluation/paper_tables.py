@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from evaluation.results_file import results
+from lab.record import results
 
 #: columns of the first table: setting -> head
 _CURVES = {

@@ -32,17 +32,16 @@ from dfcgs_codec.encoder.prior_choice import PriorChoice, PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.registry import DEFAULT_PRIOR, load_model, register
-from evaluation.assets import find_asset, has_asset
 from evaluation.bd import bd_delta
-from evaluation.bench import known_results
 from evaluation.paper_profile import Images, measure
-from evaluation.quality import image
-from evaluation.record import write_result
-from evaluation.render import Camera
 from evaluation.speed import character, decode_times
-from evaluation.views import FEW, cameras
-from training.scenes.catalogue import group
-from training.scenes.catalogue import scene as named_scene
+from lab.assets import find_asset, has_asset
+from lab.quality import image
+from lab.record import known_results, write_result
+from lab.render import Camera
+from lab.scenes.catalogue import group
+from lab.scenes.catalogue import scene as named_scene
+from lab.views import FEW, cameras
 
 NUM_FRAMES = 10
 QPS = (18, 28, 34)

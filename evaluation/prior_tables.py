@@ -7,7 +7,7 @@ from typing import Any
 
 from evaluation.paper_tables import table
 from evaluation.prior import ABLATED, MEDIUM
-from evaluation.results_file import results
+from lab.record import results
 
 #: models in the order of the table -> how they are called there
 _MODELS = {

@@ -18,16 +18,15 @@ from typing import Any
 
 from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence
 from dfcgs_codec.encoder.rate_control import QUALITIES
-from evaluation.assets import has_asset
-from evaluation.bench import known_results
-from evaluation.capture_files import cameras_file
 from evaluation.measure import Rated, Subject
 from evaluation.points import takes_views
-from evaluation.quality import frame_quality, summary
-from evaluation.record import write_result
 from evaluation.sequences import materialise
-from evaluation.views import FEW, cameras
-from training.scenes.catalogue import Scene, group, is_capture
+from lab.assets import has_asset
+from lab.captures.files import cameras_file
+from lab.quality import frame_quality, summary
+from lab.record import known_results, write_result
+from lab.scenes.catalogue import Scene, group, is_capture
+from lab.views import FEW, cameras
 
 PRESETS = ("medium", "high", "transparent")
 _NUM_FRAMES, _RENDER_EVERY = 10, 3

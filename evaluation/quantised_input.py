@@ -15,13 +15,13 @@ from typing import Any
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.ply import write_ply
-from evaluation.assets import has_asset
 from evaluation.baselines import spz
 from evaluation.bd import rate_at
 from evaluation.intra import SPLATS
-from evaluation.quality import frame_quality, image, psnr
-from evaluation.record import write_result
-from evaluation.views import FEW, cameras
+from lab.assets import has_asset
+from lab.quality import frame_quality, image, psnr
+from lab.record import write_result
+from lab.views import FEW, cameras
 
 QPS = (2, 6, 10, 14, 18, 22, 26, 30, 34, 38)
 AUTO_QPS = (8, 18, 24, 28, 32)

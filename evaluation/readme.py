@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from evaluation.record import REPOSITORY, RESULTS
 from evaluation.tables import averages
+from lab.record import REPOSITORY, RESULTS
 
 _START, _END = "<!-- results -->\n", "<!-- end of results -->"
 _SEQUENCES = {

@@ -23,12 +23,12 @@ import numpy as np
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.encoder import inter_coding
 from dfcgs_codec.encoder.analysis import ResidualQuantiser, ZeroBin
-from evaluation.assets import find_asset, has_asset
 from evaluation.bd import rate_at
-from evaluation.quality import frame_quality, image, psnr
-from evaluation.record import write_result
-from evaluation.views import cameras
-from training.scenes.catalogue import group
+from lab.assets import find_asset, has_asset
+from lab.quality import frame_quality, image, psnr
+from lab.record import write_result
+from lab.scenes.catalogue import group
+from lab.views import cameras
 
 PERIODS = (10, 30, 60)
 QPS = (24, 28, 32)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from dfcgs_codec import GaussianCloud
 from dfcgs_codec.ply import read_ply
-from evaluation.assets import find_asset
-from training.scenes import VARIANTS, SceneOptions, animated_sequence, trained_sequence
+from lab.assets import find_asset
+from lab.scenes import VARIANTS, SceneOptions, animated_sequence, trained_sequence
 
 _FRAMES = 20
 

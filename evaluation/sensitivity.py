@@ -16,9 +16,9 @@ import numpy as np
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.encoder.rate_control import REFERENCE_STEPS, typical_size
 from dfcgs_codec.gaussians import GaussianCloud
-from evaluation.quality import frame_quality, image
-from evaluation.views import ANGLES, FEW, central_box, framing_camera
-from training.scenes import rotations
+from lab.quality import frame_quality, image
+from lab.scenes import rotations
+from lab.views import ANGLES, FEW, central_box, framing_camera
 
 _BANDS = {Attribute.SH_1: (0, 3), Attribute.SH_2: (3, 8), Attribute.SH_3: (8, 15)}
 

@@ -15,8 +15,7 @@ import numpy as np
 
 from evaluation.bd import bd_delta
 from evaluation.points import CODEC_CURVES
-from evaluation.record import REPOSITORY, write_result
-from evaluation.results_file import results
+from lab.record import REPOSITORY, results, write_result
 
 _FILE = "evaluation/results/bench.json"
 

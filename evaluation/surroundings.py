@@ -1,7 +1,7 @@
 """Does an object come out as well in a room as alone? `python -m evaluation.surroundings [--splats NAME]`.
 
 A trained splat as a sequence of one frame, alone and in generated surroundings
-(`training.scenes.surroundings`), looked at from around the object, what is behind it in sight. Ours, and
+(`lab.scenes.surroundings`), looked at from around the object, what is behind it in sight. Ours, and
 without the parts of the encoder that look at the whole scene. Bytes and squared errors are means over the
 seeds; `bd_rate`: against the default.
 """
@@ -17,15 +17,14 @@ from typing import Any
 import numpy as np
 
 from dfcgs_codec import EncoderOptions, GaussianCloud
-from evaluation.assets import has_asset
 from evaluation.bd import bd_delta
-from evaluation.bench import known_results
 from evaluation.intra import SPLATS
-from evaluation.quality import frame_quality, image, psnr
 from evaluation.quantised_input import coded
-from evaluation.record import write_result
-from evaluation.render import Camera, orbit
-from training.scenes.surroundings import SURROUNDINGS
+from lab.assets import has_asset
+from lab.quality import frame_quality, image, psnr
+from lab.record import known_results, write_result
+from lab.render import Camera, orbit
+from lab.scenes.surroundings import SURROUNDINGS
 
 ALONE = "alone"
 QPS = (18, 23, 28, 33)

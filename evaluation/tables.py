@@ -13,8 +13,8 @@ import numpy as np
 
 from evaluation import capture_tables, intra_tables, paper_tables, prior_tables
 from evaluation.bd import bd_delta, rate_at
-from evaluation.record import REPOSITORY
-from evaluation.results_file import curves, has_results, kinds, measured, results
+from evaluation.curves import curves, kinds, measured
+from lab.record import REPOSITORY, has_results, results
 
 PAGE = REPOSITORY / "docs" / "results.md"
 _OURS = "dfcgs (default)"

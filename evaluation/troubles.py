@@ -18,7 +18,7 @@ from typing import Any
 
 from dfcgs_codec.ply import read_ply, write_ply
 from dfcgs_codec.sequence import open_folder
-from evaluation.record import write_result
+from lab.record import write_result
 from tests.helpers import make_cloud
 from tests.troubles.bombs import FRESH
 from tests.troubles.test_bombs import BOMBS

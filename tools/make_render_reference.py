@@ -1,4 +1,4 @@
-"""Reference images for `evaluation.render` from gsplat's own torch code, on the CPU.
+"""Reference images for `lab.render` from gsplat's own torch code, on the CPU.
 
     python -m venv other && other/bin/pip install gsplat==1.5.3 torch==2.13.0 plyfile numpy
     PYTHONPATH=src other/bin/python tools/make_render_reference.py

@@ -1,6 +1,6 @@
 """A dense 3DGS renderer in float64 torch: every pixel against every Gaussian, derivatives by autograd.
 
-Written from the published formulas, independent of `evaluation.render` except for the `Camera` it is given.
+Written from the published formulas, independent of `lab.render` except for the `Camera` it is given.
 SH come from the associated Legendre polynomials in Cartesian form, shapes from an explicit 2x2 inverse.
 """
 
@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from dfcgs_codec.gaussians import GaussianCloud
-from evaluation.render import Camera
+from lab.render import Camera
 
 
 @dataclass

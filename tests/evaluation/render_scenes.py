@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
-from evaluation.render import Camera, orbit
+from lab.render import Camera, orbit
 
 SH_C0 = 0.28209479177387814
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from evaluation import capture_tables
-from training.scenes.catalogue import group
+from lab.scenes.catalogue import group
 
 CAPTURE = group("captures")[0].name
 

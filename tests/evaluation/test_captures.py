@@ -9,14 +9,14 @@ import pytest
 
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 
-from evaluation.assets import find_asset
-from evaluation.quality import image
-from evaluation.views import cameras
-from training.captures import keep
-from training.captures.captures import CAPTURES
-from training.captures.rigs import evaluation_cameras, fitting_cameras
-from training.scenes import fitted_sequence
-from training.scenes.catalogue import Scene, group
+from lab.assets import find_asset
+from lab.captures import keep
+from lab.captures.captures import CAPTURES
+from lab.captures.rigs import evaluation_cameras, fitting_cameras
+from lab.quality import image
+from lab.scenes import fitted_sequence
+from lab.scenes.catalogue import Scene, group
+from lab.views import cameras
 
 #: decibel to the truth between the cameras of a rig; rings around a room see most of it from few places
 LEAST_PSNR = {"forward": 27.0, "inside": 19.0}

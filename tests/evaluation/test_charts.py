@@ -15,8 +15,8 @@ from evaluation import tables
 from evaluation.charts import __main__ as charts
 from evaluation.charts import bytes_chart, drift, rate_distortion, speed, style
 from evaluation.charts.speed import pareto_front
-from evaluation.results_file import curves
-from training.scenes.catalogue import group
+from evaluation.curves import curves
+from lab.scenes.catalogue import group
 
 PRESETS = {"low": 30.0, "medium": 36.0, "high": 43.0, "transparent": 52.0}
 

@@ -11,7 +11,7 @@ pytest.importorskip("numba")
 pytest.importorskip("bjontegaard")
 
 from evaluation import field
-from evaluation.results_file import results
+from lab.record import results
 
 #: table -> rows, and the keys of each beside the system's name
 SHAPES = {

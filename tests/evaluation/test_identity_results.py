@@ -13,10 +13,10 @@ from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
 from dfcgs_codec.encoder import segment
 from dfcgs_codec.encoder.identity import Members, Succession, found_members
 from evaluation import identity, lost_order
+from lab.scenes import SceneOptions, trained_sequence
+from lab.scenes.catalogue import group, scene
+from lab.scenes.tracked import drifting
 from tests.helpers import FIELDS, real_cloud
-from training.scenes import SceneOptions, trained_sequence
-from training.scenes.catalogue import group, scene
-from training.scenes.tracked import drifting
 
 Frames = list[tuple[GaussianCloud, npt.NDArray[np.int64]]]
 COUNT = 1500

@@ -12,8 +12,8 @@ pytest.importorskip("numba")
 
 from evaluation import compensation
 from evaluation.compensation import measure, scenes
-from evaluation.quality import image
-from evaluation.render import look_at
+from lab.quality import image
+from lab.render import look_at
 from tests.helpers import real_cloud, waving
 
 

@@ -9,8 +9,8 @@ pytest.importorskip("bjontegaard")
 
 from evaluation import paper_tables
 from evaluation.paper_profile import ALLOWANCE, SETTINGS, least_gain
-from evaluation.results_file import results
-from training.scenes.catalogue import group
+from lab.record import results
+from lab.scenes.catalogue import group
 
 
 def test_the_least_gain_is_that_of_the_worst_frame() -> None:

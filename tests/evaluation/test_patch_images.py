@@ -14,8 +14,8 @@ from dfcgs_codec.encoder.seen import largest_weights
 from dfcgs_codec.encoder.splats import Splats
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.views.camera import ViewCamera
-from evaluation.quality import Image, image
-from evaluation.render import Camera
+from lab.quality import Image, image
+from lab.render import Camera
 from tests.helpers import real_cloud
 from tests.rooms import looking, room, viewers
 

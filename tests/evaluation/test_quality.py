@@ -9,10 +9,10 @@ import pytest
 
 pytest.importorskip("numba")
 
-from evaluation.attribute_errors import attribute_errors, mutual_pairs
-from evaluation.quality import FrameQuality, Image, frame_quality, image, summary
-from evaluation.render import orbit
-from training.scenes.stress import blob_cloud
+from lab.attribute_errors import attribute_errors, mutual_pairs
+from lab.quality import FrameQuality, Image, frame_quality, image, summary
+from lab.render import orbit
+from lab.scenes.stress import blob_cloud
 
 CLOUD = blob_cloud(300, 1, 0)
 CAMERAS = [orbit((0, 0, 0), 4.0, (angle, 20.0), (64, 48)) for angle in (0.0, 120.0)]

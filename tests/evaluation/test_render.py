@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 
-from evaluation.render import Camera, look_at, orbit, render, render_backward
+from lab.render import Camera, look_at, orbit, render, render_backward
 from tests.evaluation.render_scenes import forward_camera, plain_cloud, random_cloud
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)

@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 
-from evaluation.render import orbit, render, render_backward, ssim_with_gradient
+from lab.render import orbit, render, render_backward, ssim_with_gradient
 from tests.evaluation.render_scenes import random_cloud
 
 ROOT = Path(__file__).parents[2]
@@ -54,7 +54,7 @@ def test_compiled_code_follows_a_change_of_another_file(tmp_path):
     shutil.copy(ROOT / "evaluation" / "__init__.py", tmp_path / "evaluation")
     command = (
         "from tests.evaluation.render_scenes import forward_camera, plain_cloud; "
-        "from evaluation.render import render; "
+        "from lab.render import render; "
         "print(render(plain_cloud([[0, 0, 2]], [[1, 1, 1]], [0.9999], [1]), forward_camera()).alpha.max())"
     )
     assert _run(command, tmp_path) == "0.999"

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 torch = pytest.importorskip("torch", reason="the oracle needs torch, from the train extra")
 
-from evaluation.render import Camera, render, render_backward  # noqa: E402
+from lab.render import Camera, render, render_backward  # noqa: E402
 from tests.evaluation.render_oracle import leaves, render_oracle  # noqa: E402
 from tests.evaluation.render_scenes import plain_cloud, random_cloud, side_camera  # noqa: E402
 

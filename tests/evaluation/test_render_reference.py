@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 pytest.importorskip("PIL", reason="reads the other tool's image")
 
-from evaluation import renderer
+from lab import render_reference as renderer
 
 
 def test_colours_equal_those_of_gsplat():

@@ -8,7 +8,7 @@ from scipy.ndimage import correlate1d
 
 pytest.importorskip("numba", reason="SSIM is compiled by numba, from the eval extra")
 
-from evaluation.render import ssim, ssim_with_gradient
+from lab.render import ssim, ssim_with_gradient
 
 
 def _images(height: int = 37, width: int = 53, channels: int = 3) -> tuple[np.ndarray, np.ndarray]:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from dfcgs_codec.errors import InputError
-from training.scenes import MOTIONS, VARIANTS
-from training.scenes.catalogue import CATALOGUE, Scene, generator_parameters, group, scene, scenes
-from training.scenes.fitted import read_about
+from lab.scenes import MOTIONS, VARIANTS
+from lab.scenes.catalogue import CATALOGUE, Scene, generator_parameters, group, scene, scenes
+from lab.scenes.fitted import read_about
 
 #: a change of the list is a change of every figure measured with it: measure again, then change this
 DIGEST = "5076c19e8deec7eb2bc10321de65685bc7b7dddb4e751d44242088b4e130c367"

@@ -14,10 +14,10 @@ import pytest
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
+from lab.scenes import fitted_sequence
+from lab.scenes.fitted import read_about, stepped
+from lab.scenes.stress import blob_cloud
 from training.fitting.store import append_step, create, step_between
-from training.scenes import fitted_sequence
-from training.scenes.fitted import read_about, stepped
-from training.scenes.stress import blob_cloud
 
 FOLDER = Path(__file__).resolve().parents[2] / "assets" / "fitted"
 NAMES = [f.name for f in dataclasses.fields(GaussianCloud)]

@@ -13,6 +13,7 @@ pytest.importorskip("numba", reason="the renderer is compiled by numba, from the
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
+from lab.scenes import fitted_sequence, rotations
 from training.fitting import fit, report
 from training.fitting.activity import activity
 from training.fitting.adam import Adam
@@ -23,7 +24,6 @@ from training.fitting.loss import loss_gradient
 from training.fitting.sequences import FITTED, FittedSequence, TrueFrame
 from training.fitting.stage import stage_cloud
 from training.fitting.track import moving_gaussians, track
-from training.scenes import fitted_sequence, rotations
 
 SIZE = (32, 32)
 CAMERAS = list(islice(training_cameras(SIZE), 0, None, 3))

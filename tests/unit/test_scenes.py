@@ -16,7 +16,9 @@ from scipy.spatial import cKDTree
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.ply import read_ply
-from training.scenes import (
+from lab.meshes.gltf import load_asset
+from lab.meshes.posing import pose_vertices
+from lab.scenes import (
     MOTIONS,
     STRESS,
     VARIANTS,
@@ -27,13 +29,11 @@ from training.scenes import (
     stress_sequence,
     trained_sequence,
 )
-from training.scenes import rotations as rot
-from training.scenes.__main__ import main
-from training.scenes.animated import select_clip
-from training.scenes.fields import scene_size
-from training.scenes.gltf import load_asset
-from training.scenes.posing import pose_vertices
-from training.scenes.stress import blob_cloud, coincident
+from lab.scenes import rotations as rot
+from lab.scenes.__main__ import main
+from lab.scenes.animated import select_clip
+from lab.scenes.fields import scene_size
+from lab.scenes.stress import blob_cloud, coincident
 
 ROOT = Path(__file__).resolve().parents[2]
 FOX = ROOT / "assets" / "Fox.glb"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from evaluation.render import Camera, look_at
-from training.captures.mesh import Mesh
-from training.captures.picture import Float32, image, layer
-from training.captures.rigs import Rig
-from training.captures.rooms import Room
-from training.scenes.asset import Material, Primitive
+from lab.captures.mesh import Mesh
+from lab.captures.picture import Float32, image, layer
+from lab.captures.rigs import Rig
+from lab.captures.rooms import Room
+from lab.meshes.asset import Material, Primitive
+from lab.render import Camera, look_at
 
 SIZE = (32, 24)
 RIGS = {

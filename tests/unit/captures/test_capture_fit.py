@@ -14,22 +14,19 @@ pytest.importorskip("numba", reason="the renderer is compiled by numba, from the
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
-from evaluation.render import Camera
+from lab.captures import keep
+from lab.captures.captures import Capture
+from lab.captures.mesh import Actor, joined
+from lab.captures.rigs import evaluation_cameras, fitting_cameras
+from lab.render import Camera, View
+from lab.scenes import fitted_sequence
 from tests.unit.captures.sheets import BARE, FLOOR, RIGS, SIZE, picture, sheet, upright
-from training.captures import fit, keep, optimise
-from training.captures.captures import Capture
+from training.captures import fit, optimise
 from training.captures.densify import FAINT, RESET, Pull, densify, image_gradient, reset_opacities
-from training.captures.mesh import Actor, joined
-from training.captures.rigs import (
-    evaluation_cameras,
-    fitting_cameras,
-)
 from training.captures.start import points_in_view, random_cloud
 from training.fitting.adam import Adam
-from training.fitting.capture import View
 from training.fitting.loss import loss_gradient
 from training.fitting.store import shortened
-from training.scenes import fitted_sequence
 
 
 def cloud_of(scales: list[float], logits: list[float]) -> GaussianCloud:

@@ -10,18 +10,14 @@ import pytest
 
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 
-from evaluation.render import look_at
+from lab.captures.captures import CAPTURES
+from lab.captures.mesh import Actor, actor_meshes, actor_path, joined, placed, room_mesh
+from lab.captures.picture import image, layer
+from lab.captures.raster import visible_faces
+from lab.captures.rigs import evaluation_cameras, fitting_cameras, inria_cameras
+from lab.captures.rooms import FOLDER, ROOMS
+from lab.render import look_at
 from tests.unit.captures.sheets import BARE, FLOOR, FRONT, RIGS, SIZE, picture, sheet, upright
-from training.captures.captures import CAPTURES
-from training.captures.mesh import Actor, actor_meshes, actor_path, joined, placed, room_mesh
-from training.captures.picture import image, layer
-from training.captures.raster import visible_faces
-from training.captures.rigs import (
-    evaluation_cameras,
-    fitting_cameras,
-    inria_cameras,
-)
-from training.captures.rooms import FOLDER, ROOMS
 
 
 class TestRaster:

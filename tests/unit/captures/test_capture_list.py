@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 
-from training.captures.captures import CAPTURES, Capture
-from training.captures.mesh import actor_path
-from training.captures.rooms import ROOMS
+from lab.captures.captures import CAPTURES, Capture
+from lab.captures.mesh import actor_path
+from lab.captures.rooms import ROOMS
 
 
 class TestCaptures:
