@@ -13,7 +13,6 @@ skipped with a notice. `evaluation.captures` runs the same on ten frames of capt
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from collections.abc import Sequence as Arguments
 from dataclasses import asdict, dataclass
@@ -24,7 +23,7 @@ from evaluation.baselines.method import MethodUnavailable
 from evaluation.measure import Rated, Subject, measure
 from evaluation.points import CODEC_CURVES, Point, baseline_points, capture_points, codec_points
 from evaluation.sequences import materialise
-from lab.assets import has_asset
+from lab.assets import present
 from lab.captures.files import cameras_file
 from lab.record import known_results, write_result
 from lab.scenes.catalogue import Group, Scene, group, is_capture
@@ -70,15 +69,8 @@ PLANS = {
 
 def chosen_scenes(plan: Plan, wanted: Arguments[str]) -> list[Scene]:
     """Those of a plan that are wanted (empty: all) and on this machine."""
-    chosen = []
-    for scene in group(plan.group):
-        if (plan.scenes and scene.name not in plan.scenes) or (wanted and scene.name not in wanted):
-            continue
-        if has_asset(scene.asset):
-            chosen.append(scene)
-        else:
-            print(f"{scene.name}: skipped, {scene.asset} is not on this machine", file=sys.stderr)
-    return chosen
+    planned = [scene for scene in group(plan.group) if not plan.scenes or scene.name in plan.scenes]
+    return list(present(planned, wanted))
 
 
 def chosen_points(plan: Plan, wanted: Arguments[str], scene: Scene) -> list[Point]:

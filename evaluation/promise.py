@@ -21,7 +21,7 @@ from dfcgs_codec.encoder.rate_control import QUALITIES
 from evaluation.measure import Rated, Subject
 from evaluation.points import takes_views
 from evaluation.sequences import materialise
-from lab.assets import has_asset
+from lab.assets import present
 from lab.captures.files import cameras_file
 from lab.quality import frame_quality, summary
 from lab.record import known_results, write_result
@@ -106,10 +106,7 @@ def main(arguments: Arguments[str] | None = None) -> int:
         print("this encoder takes no views", file=sys.stderr)
         return 2
     results = known_results("promise")
-    for scene in (s for s in known if not args.scenes or s.name in args.scenes):
-        if not has_asset(scene.asset):
-            print(f"{scene.name}: skipped, {scene.asset} is not on this machine", file=sys.stderr)
-            continue
+    for scene in present(known, args.scenes):
         rows = rate_scene(scene, args.preset, args.frames, args.views)
         results[scene.name] = results.get(scene.name, {}) | rows
         write_result("promise", {"frames": args.frames, "render_every": _RENDER_EVERY}, results)

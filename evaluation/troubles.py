@@ -1,7 +1,7 @@
 """What trouble costs: `python -m evaluation.troubles`; fails where a bar is missed.
 
 Seconds to look at the headers of 300 frames, memory and seconds of small files that ask for much, seconds of
-reading one frame. Far Gaussians have a module of their own (`evaluation.far_values`).
+reading one frame. Far Gaussians have a module of their own (`evaluation.experiments.far_values`).
 """
 
 from __future__ import annotations

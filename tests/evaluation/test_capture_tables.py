@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from evaluation import capture_tables
+from evaluation.tables import captures as capture_tables
 from lab.scenes.catalogue import group
 
 CAPTURE = group("captures")[0].name

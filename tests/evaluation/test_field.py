@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("numba")
 pytest.importorskip("bjontegaard")
 
-from evaluation import field
+from evaluation.tables import field
 from lab.record import results
 
 #: table -> rows, and the keys of each beside the system's name

@@ -7,8 +7,8 @@ import pytest
 pytest.importorskip("numba")
 pytest.importorskip("bjontegaard")
 
-from evaluation import paper_tables
-from evaluation.paper_profile import ALLOWANCE, SETTINGS, least_gain
+from evaluation.experiments.paper.profile import ALLOWANCE, SETTINGS, least_gain
+from evaluation.tables import paper as paper_tables
 from lab.record import results
 from lab.scenes.catalogue import group
 

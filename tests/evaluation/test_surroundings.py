@@ -6,7 +6,8 @@ import pytest
 pytest.importorskip("bjontegaard")
 pytest.importorskip("numba")
 
-from evaluation import intra_tables, surroundings
+from evaluation.experiments.i_frames import surroundings
+from evaluation.tables import intra as intra_tables
 from lab.scenes import SURROUNDINGS
 from lab.scenes.fields import scene_size
 from lab.scenes.rotations import to_matrices
