@@ -74,7 +74,7 @@ test-newest: $(STAMP) ## the same with the newest
 	.venv-newest/bin/python -m pytest $(VERSIONED)
 
 test-evaluation: env-eval ## the tests of renderer, metrics, baselines and fitting, which need the extra [eval]
-	$(BIN)/python -m pytest -n 2 tests/evaluation tests/unit/test_fitting.py tests/unit/captures
+	$(BIN)/python -m pytest -n 2 tests/lab tests/evaluation tests/training
 
 test-training: env-train ## the tests of training, which need torch
 	$(BIN)/python -m pytest -n 2 tests/training

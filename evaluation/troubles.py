@@ -18,10 +18,9 @@ from typing import Any
 
 from dfcgs_codec.ply import read_ply, write_ply
 from dfcgs_codec.sequence import open_folder
+from lab.bombs import BOMBS, FRESH
 from lab.record import write_result
-from tests.helpers import make_cloud
-from tests.troubles.bombs import FRESH
-from tests.troubles.test_bombs import BOMBS
+from lab.small_clouds import make_cloud
 
 NUM_HEADERS, MOST_SECONDS_OF_HEADERS = 300, 0.5
 MOST_MIB, MOST_SECONDS = 300, 2.0

@@ -20,7 +20,7 @@ from lab.quality import VISIBLE_ALPHA, image, psnr
 from lab.record import REPOSITORY, write_result
 from lab.render import Camera, look_at, render
 
-DATA = REPOSITORY / "tests" / "evaluation" / "data"
+DATA = REPOSITORY / "tests" / "lab" / "render" / "data"
 GSPLAT_REFERENCE = DATA / "gsplat_reference.npz"
 SPLAT_TRANSFORM_REFERENCE = DATA / "splat_transform_playbot_31k.webp"
 SPLAT = REPOSITORY / "assets" / "playbot_31k_sh2.ply"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from io import BytesIO
@@ -11,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
-from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, Tool
+from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, SortGrid, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
@@ -28,7 +29,8 @@ from dfcgs_codec.codec.motion import FOLLOW, MotionSymbols, code_motion
 from dfcgs_codec.codec.topology import TopologySymbols, code_topology
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
-from tests.helpers import Chunk, join_chunks, make_cloud, split_chunks
+from lab.chunks import Chunk, join_chunks, split_chunks
+from lab.small_clouds import make_cloud
 
 #: decodes a file in a fresh process: frames, name of the error, peak MiB, seconds of CPU
 FRESH = """
@@ -226,3 +228,49 @@ def repeated(base: bytes, kind: Kind, most: int) -> bytes:
             break
         data = longer
     return data
+
+
+def many_frames() -> bytes:
+    """The longest sequence that the last level allows, announced by a file of one Gaussian."""
+    return with_header(encoded(make_cloud(1)), level=3, frame_numbers=FrameNumbers(((0, 1 << 20),)))
+
+
+def many_gofs() -> bytes:
+    """The same I-frame again and again."""
+    data = encoded(alike(20_000))
+    chunks = split_chunks(data)
+    count = MOST_BYTES // (len(chunks[-1].payload) + 15) - 1
+    data = with_header(data, frame_numbers=FrameNumbers(((0, count),)))
+    header = split_chunks(data)[0]
+    intra = next(c for c in chunks if c.chunk_type == ChunkType.INTRA_FRAME)
+    return join_chunks([header, *(replace(intra, frame_index=i) for i in range(count))])
+
+
+def claimed(count: int, **changes: object) -> bytes:
+    """So many Gaussians in empty streams."""
+    return with_intra(with_header(encoded(make_cloud(40)), level=3), num_gaussians=count, **changes)
+
+
+#: name: file, and the errors that it may end with, "" where its frames come out
+BOMBS: dict[str, tuple[Callable[[], bytes], set[str]]] = {
+    "a million frames": (many_frames, {"CorruptBitstream"}),
+    "16 million Gaussians": (lambda: claimed(1 << 24), {"ResourceLimit"}),
+    "as many as are let in": (lambda: file_of_alike(60_000), {""}),
+    "verbatim, SH degree 2": (lambda: encoded(alike(30_000, 2), EncoderOptions(intra=IntraKind.PLY)), {""}),
+    "many groups of frames": (many_gofs, {"ResourceLimit"}),
+    "frames that repeat": (lambda: repeated(file_of_alike(60_000), Kind(), 150), {"ResourceLimit"}),
+    "control points": (
+        lambda: repeated(encoded(lattice(3000), EncoderOptions(control_spacing=1)), Kind(motion=True), 15),
+        {"", "ResourceLimit"},
+    ),
+    "control points that spread": (
+        lambda: repeated(
+            encoded(lattice(2000), EncoderOptions(control_spacing=2)),
+            Kind(motion=True, spread=SpreadHeader(128, 0)),
+            15,
+        ),
+        {"", "ResourceLimit"},
+    ),
+    "residuals": (lambda: repeated(encoded(alike(300, 1)), Kind(residual=True), 25), {"", "ResourceLimit"}),
+    "new Gaussians": (lambda: repeated(file_of_alike(2000), Kind(births=2000), 25), {"", "ResourceLimit"}),
+}

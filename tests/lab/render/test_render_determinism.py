@@ -14,9 +14,9 @@ import pytest
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 
 from lab.render import orbit, render, render_backward, ssim_with_gradient
-from tests.evaluation.render_scenes import random_cloud
+from tests.lab.render.render_scenes import random_cloud
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def digest(threads: int) -> str:
@@ -42,18 +42,18 @@ def _run(command: str, root: Path) -> str:
 
 
 def test_another_process_gives_the_same_bits():
-    command = "from tests.evaluation.test_render_determinism import digest; print(digest(2))"
+    command = "from tests.lab.render.test_render_determinism import digest; print(digest(2))"
     assert _run(command, ROOT) == digest(1)
 
 
 @pytest.mark.slow
 def test_compiled_code_follows_a_change_of_another_file(tmp_path):
     """A constant is compiled into the kernels of other files; numba's own cache would keep the old one."""
-    package = tmp_path / "evaluation" / "render"
-    shutil.copytree(ROOT / "evaluation" / "render", package, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "evaluation" / "__init__.py", tmp_path / "evaluation")
+    package = tmp_path / "lab" / "render"
+    shutil.copytree(ROOT / "lab" / "render", package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "lab" / "__init__.py", tmp_path / "lab")
     command = (
-        "from tests.evaluation.render_scenes import forward_camera, plain_cloud; "
+        "from tests.lab.render.render_scenes import forward_camera, plain_cloud; "
         "from lab.render import render; "
         "print(render(plain_cloud([[0, 0, 2]], [[1, 1, 1]], [0.9999], [1]), forward_camera()).alpha.max())"
     )

@@ -16,8 +16,8 @@ from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.views.camera import ViewCamera
 from lab.quality import Image, image
 from lab.render import Camera
-from tests.helpers import real_cloud
-from tests.rooms import looking, room, viewers
+from lab.small_clouds import real_cloud
+from lab.small_room import looking, room, viewers
 
 NEAR = 0.01
 #: 8 x 8 pixels, every second one

@@ -20,7 +20,7 @@ from lab.captures.mesh import Actor, joined
 from lab.captures.rigs import evaluation_cameras, fitting_cameras
 from lab.render import Camera, View
 from lab.scenes import fitted_sequence
-from tests.unit.captures.sheets import BARE, FLOOR, RIGS, SIZE, picture, sheet, upright
+from tests.lab.captures.sheets import BARE, FLOOR, RIGS, SIZE, picture, sheet, upright
 from training.captures import fit, optimise
 from training.captures.densify import FAINT, RESET, Pull, densify, image_gradient, reset_opacities
 from training.captures.start import points_in_view, random_cloud

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 
 from lab.render import Camera, look_at, orbit, render, render_backward
-from tests.evaluation.render_scenes import forward_camera, plain_cloud, random_cloud
+from tests.lab.render.render_scenes import forward_camera, plain_cloud, random_cloud
 
 RED, GREEN, BLUE = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 GREY = (0.25, 0.5, 0.75)

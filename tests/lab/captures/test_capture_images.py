@@ -17,7 +17,7 @@ from lab.captures.raster import visible_faces
 from lab.captures.rigs import evaluation_cameras, fitting_cameras, inria_cameras
 from lab.captures.rooms import FOLDER, ROOMS
 from lab.render import look_at
-from tests.unit.captures.sheets import BARE, FLOOR, FRONT, RIGS, SIZE, picture, sheet, upright
+from tests.lab.captures.sheets import BARE, FLOOR, FRONT, RIGS, SIZE, picture, sheet, upright
 
 
 class TestRaster:

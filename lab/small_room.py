@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from dfcgs_codec import GaussianCloud
 from dfcgs_codec.views.camera import ViewCamera, Views
-from tests.helpers import joined, make_cloud
+from lab.small_clouds import joined, make_cloud
 
 Float64 = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ torch = pytest.importorskip("torch", reason="these are torch functions, from the
 
 from lab.render import render, render_backward, ssim_with_gradient  # noqa: E402
 from lab.render.autograd import cloud_tensors, render_tensors, ssim_tensors  # noqa: E402
-from tests.evaluation.render_scenes import random_cloud, side_camera  # noqa: E402
+from tests.lab.render.render_scenes import random_cloud, side_camera  # noqa: E402
 
 BACKGROUND = (0.2, 0.5, 0.9)
 

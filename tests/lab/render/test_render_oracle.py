@@ -9,8 +9,8 @@ pytest.importorskip("numba", reason="the renderer is compiled by numba, from the
 torch = pytest.importorskip("torch", reason="the oracle needs torch, from the train extra")
 
 from lab.render import Camera, render, render_backward  # noqa: E402
-from tests.evaluation.render_oracle import leaves, render_oracle  # noqa: E402
-from tests.evaluation.render_scenes import plain_cloud, random_cloud, side_camera  # noqa: E402
+from tests.lab.render.render_oracle import leaves, render_oracle  # noqa: E402
+from tests.lab.render.render_scenes import plain_cloud, random_cloud, side_camera  # noqa: E402
 
 BACKGROUND = (0.2, 0.5, 0.9)
 NAMES = ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest")
