@@ -12,7 +12,7 @@ from dfcgs_codec import EncoderOptions
 from dfcgs_codec.encoder.rate_control import QUALITIES
 from evaluation.baselines.catalogue import METHODS
 from evaluation.baselines.method import Method, SequenceFacts
-from evaluation.record import REPOSITORY
+from lab.record import REPOSITORY
 
 #: QPs between and beyond the presets, so that curves reach what the others offer
 _MORE_QPS = (40,)

@@ -48,7 +48,9 @@ from dfcgs_codec.ply import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-from tests import helpers, rooms  # noqa: E402
+from lab import small_clouds as helpers  # noqa: E402
+from lab import small_room as rooms  # noqa: E402
+from lab.chunks import Chunk, join_chunks, split_chunks  # noqa: E402
 
 FOLDER = ROOT / "tests" / "conformance"
 PAPER = EncoderOptions(profile=Profile.PAPER)
@@ -242,22 +244,22 @@ def valid_sequences() -> dict[str, Sequence]:
 
 def _with_gaps(data: bytes) -> bytes:
     """Frame numbers 3, 4, 9 and 20 in place of 0 to 3."""
-    chunks = helpers.split_chunks(data)
+    chunks = split_chunks(data)
     header = SequenceHeader.read(ByteReader(chunks[0].payload))
     writer = ByteWriter()
     replace(header, frame_numbers=FrameNumbers.of([3, 4, 9, 20])).write(writer)
-    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
+    return join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
 
 
-def _chunks_with(data: bytes, change: Callable[[helpers.Chunk], helpers.Chunk]) -> bytes:
+def _chunks_with(data: bytes, change: Callable[[Chunk], Chunk]) -> bytes:
     """The file with every chunk changed, checksums and index right again."""
-    return helpers.join_chunks([change(chunk) for chunk in helpers.split_chunks(data)])
+    return join_chunks([change(chunk) for chunk in split_chunks(data)])
 
 
-def _in_chunk(chunk_type: ChunkType, position: int, value: int) -> Callable[[helpers.Chunk], helpers.Chunk]:
+def _in_chunk(chunk_type: ChunkType, position: int, value: int) -> Callable[[Chunk], Chunk]:
     """Replace one payload byte of every chunk of a type."""
 
-    def change(chunk: helpers.Chunk) -> helpers.Chunk:
+    def change(chunk: Chunk) -> Chunk:
         if chunk.chunk_type != chunk_type:
             return chunk
         payload = bytearray(chunk.payload)
@@ -268,20 +270,20 @@ def _in_chunk(chunk_type: ChunkType, position: int, value: int) -> Callable[[hel
 
 
 def _with_chunk(data: bytes, chunk_type: int) -> bytes:
-    chunks = helpers.split_chunks(data)
-    return helpers.join_chunks([chunks[0], helpers.Chunk(chunk_type, 0, b"of another time"), *chunks[1:]])
+    chunks = split_chunks(data)
+    return join_chunks([chunks[0], Chunk(chunk_type, 0, b"of another time"), *chunks[1:]])
 
 
 def _without_intra(data: bytes) -> bytes:
-    kept = [c for c in helpers.split_chunks(data) if c.chunk_type != ChunkType.INTRA_FRAME]
-    return helpers.join_chunks(kept, index=b"\x01\x04\x10")
+    kept = [c for c in split_chunks(data) if c.chunk_type != ChunkType.INTRA_FRAME]
+    return join_chunks(kept, index=b"\x01\x04\x10")
 
 
 def _changed_intra(data: bytes, change: Callable[[IntraHeader], IntraHeader], more: bytes = b"") -> bytes:
     """The file with the headers of its I-frames changed, and bytes appended to their payloads."""
-    sequence = SequenceHeader.read(ByteReader(helpers.split_chunks(data)[0].payload))
+    sequence = SequenceHeader.read(ByteReader(split_chunks(data)[0].payload))
 
-    def rewrite(chunk: helpers.Chunk) -> helpers.Chunk:
+    def rewrite(chunk: Chunk) -> Chunk:
         if chunk.chunk_type != ChunkType.INTRA_FRAME:
             return chunk
         reader = ByteReader(chunk.payload)
@@ -295,9 +297,9 @@ def _changed_intra(data: bytes, change: Callable[[IntraHeader], IntraHeader], mo
 
 def _with_rotation_step(data: bytes, step: int) -> bytes:
     """The file with another step of rotation symbols in its P-frames."""
-    sequence = SequenceHeader.read(ByteReader(helpers.split_chunks(data)[0].payload))
+    sequence = SequenceHeader.read(ByteReader(split_chunks(data)[0].payload))
 
-    def rewrite(chunk: helpers.Chunk) -> helpers.Chunk:
+    def rewrite(chunk: Chunk) -> Chunk:
         if chunk.chunk_type != ChunkType.INTER_FRAME:
             return chunk
         header = InterHeader.read(ByteReader(chunk.payload), sequence)
@@ -312,7 +314,7 @@ def _refined_alone(data: bytes) -> bytes:
     """The file with REFINEMENT in each P-frame, which refines nothing where SH has degree 0."""
     frames = {frame.index: frame.state for frame in SequenceDecoder(BytesIO(data)).frames()}
 
-    def rewrite(chunk: helpers.Chunk) -> helpers.Chunk:
+    def rewrite(chunk: Chunk) -> Chunk:
         if chunk.chunk_type != ChunkType.INTER_FRAME:
             return chunk
         frame_hash = replace(frames[chunk.frame_index], verbatim=None).hash()
@@ -342,24 +344,24 @@ def _finely_turned() -> bytes:
 
 
 def _with_units(data: bytes, **changes: object) -> bytes:
-    chunks = helpers.split_chunks(data)
+    chunks = split_chunks(data)
     header = SequenceHeader.read(ByteReader(chunks[0].payload))
     writer = ByteWriter()
     replace(header, unit_exponents=replace(header.unit_exponents, **changes)).write(writer)
-    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
+    return join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
 
 
 def _with_model(data: bytes, model_id: str, model_hash: bytes) -> bytes:
-    chunks = helpers.split_chunks(data)
+    chunks = split_chunks(data)
     header = SequenceHeader.read(ByteReader(chunks[0].payload))
     writer = ByteWriter()
     replace(header, model_id=model_id, model_hash=model_hash).write(writer)
-    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
+    return join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
 
 
 def _without(data: bytes, chunk_type: int) -> bytes:
-    kept = [c for c in helpers.split_chunks(data) if c.chunk_type != chunk_type]
-    return helpers.join_chunks(kept)
+    kept = [c for c in split_chunks(data) if c.chunk_type != chunk_type]
+    return join_chunks(kept)
 
 
 def _longer(header: IntraHeader) -> IntraHeader:
@@ -400,7 +402,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
     damaged = bytearray(_with_chunk(valid, 0xB3))
     damaged[damaged.index(b"of another time")] ^= 1
     long_integer = b"\x80\x00"
-    header = helpers.split_chunks(valid)[0]
+    header = split_chunks(valid)[0]
     stretched = replace(header, payload=header.payload[:5] + long_integer + header.payload[6:])
     return {
         "no_gaussians": (_changed_intra(valid, lambda h: replace(h, num_gaussians=0)), "CorruptBitstream"),
@@ -427,7 +429,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
         "missing_frames": (_without(moving, ChunkType.INTER_FRAME), "CorruptBitstream"),
         "damaged_ancillary_chunk": (bytes(damaged), "CorruptBitstream"),
         "long_integer": (
-            helpers.join_chunks([stretched, *helpers.split_chunks(valid)[1:]]),
+            join_chunks([stretched, *split_chunks(valid)[1:]]),
             "CorruptBitstream",
         ),
         "unknown_tool": (
@@ -443,7 +445,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
 
 def faulty_escapes(valid: bytes) -> dict[str, tuple[bytes, str]]:
     """Escapes that cannot be; in `valid` one chunk of them has three."""
-    chunk = next(c for c in helpers.split_chunks(valid) if c.chunk_type == ChunkType.ESCAPES)
+    chunk = next(c for c in split_chunks(valid) if c.chunk_type == ChunkType.ESCAPES)
     payload, corrupt = chunk.payload, "CorruptBitstream"
     count = payload[0]
     columns, patterns = payload[1 + count : 1 + 2 * count], payload[1 + 2 * count :]
@@ -465,11 +467,11 @@ def faulty_escapes(valid: bytes) -> dict[str, tuple[bytes, str]]:
 
 def faulty_paper_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
     """Files of profile PAPER that cannot be; in `valid` frames move by latents and nothing else."""
-    chunks = helpers.split_chunks(valid)
+    chunks = split_chunks(valid)
     tools = 16
     other = replace(chunks[0], payload=chunks[0].payload[:-1] + bytes([chunks[0].payload[-1] ^ 1]))
     return {
-        "another_model": (helpers.join_chunks([other, *chunks[1:]]), "ModelMismatch"),
+        "another_model": (join_chunks([other, *chunks[1:]]), "ModelMismatch"),
         "missing_hyperprior": (_without(valid, ChunkType.HYPERPRIOR), "CorruptBitstream"),
         "missing_latents": (_without(valid, ChunkType.MOTION), "CorruptBitstream"),
         "main_tool_in_paper": (

@@ -11,8 +11,9 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, InputError, encode_sequence, probe
 from dfcgs_codec.views.camera import Views
-from tests.helpers import dfcgs, drifting, make_cloud, write_frames
-from tests.rooms import room, viewers
+from lab.small_clouds import drifting, make_cloud
+from lab.small_room import room, viewers
+from tests.helpers import dfcgs, write_frames
 from tests.unit.views.view_files import colmap_binary, inria, some_cameras, write_json
 
 QUICK = ("--jobs", "1", "--motion", "off", "--prior", "plain", "--balance", "off")

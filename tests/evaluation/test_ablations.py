@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip("bjontegaard")
 pytest.importorskip("numba")
 
-from evaluation.motion import VARIANTS, compare
+from evaluation.experiments.motion import VARIANTS, compare
 
 
 def rows(scale_inter: float) -> list[dict[str, object]]:

@@ -7,7 +7,8 @@ pytest.importorskip("bjontegaard")
 pytest.importorskip("zstandard")
 
 from dfcgs_codec import EncoderOptions
-from evaluation import intra, intra_tables, quantised_input
+from evaluation.experiments.i_frames import intra, quantised_input
+from evaluation.tables import intra as intra_tables
 
 
 def test_a_part_has_at_most_so_many_gaussians() -> None:

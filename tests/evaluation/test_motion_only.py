@@ -10,10 +10,10 @@ import pytest
 pytest.importorskip("bjontegaard")
 pytest.importorskip("numba")
 
-from evaluation import compensation
-from evaluation.compensation import measure, scenes
-from evaluation.quality import image
-from evaluation.render import look_at
+from evaluation.experiments.paper import compensation
+from evaluation.experiments.paper.compensation import measure, scenes
+from lab.quality import image
+from lab.render import look_at
 from tests.helpers import real_cloud, waving
 
 

@@ -9,7 +9,7 @@ pytest.importorskip("bjontegaard")
 pytest.importorskip("numba")
 
 from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence
-from evaluation import refresh
+from evaluation.experiments import refresh
 from tests.helpers import all_changing, real_cloud
 
 

@@ -24,9 +24,9 @@ from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.transform.rotation import round_divide
-from evaluation.assets import find_asset
+from lab.assets import find_asset
+from lab.scenes.catalogue import Scene, group, scene
 from training.paper.gof import NUM_FRAMES, Gof, camera_row, normalisation
-from training.scenes.catalogue import Scene, group, scene
 
 Int64 = npt.NDArray[np.int64]
 
@@ -164,8 +164,8 @@ def _pictures(
     """Images of the P-frames and their cameras, as `Gof` has them; without views no renderer is needed."""
     if not num_views:
         return np.zeros((0, len(clouds) - 1, 1, 1, 3), np.float16), np.zeros((0, 20))
-    from evaluation.render import render
-    from evaluation.views import central_box, framing_camera
+    from lab.render import render
+    from lab.views import central_box, framing_camera
 
     box = central_box(clouds[0])
     images, rows = [], []

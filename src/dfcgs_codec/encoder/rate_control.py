@@ -33,7 +33,7 @@ _TYPICAL_QP, _TYPICAL_PSNR = 28.0, 37.0
 REFERENCE_QP = 22
 #: steps at the reference QP and for REFERENCE_VALUES values to a Gaussian (SH degree 2); position: in typical
 #: Gaussian sizes; rotation: stereographic. Their ratios give the last bit of each attribute about the same
-#: effect in the rendered image (evaluation/allocation.py)
+#: effect in the rendered image (evaluation/experiments/i_frames/allocation.py)
 REFERENCE_STEPS = {
     Attribute.POSITION: 1 / 8,
     Attribute.SCALE: 1 / 10,

@@ -18,8 +18,8 @@ from dfcgs_codec.encoder.splats import Splats
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.views.camera import ViewCamera, Views
-from tests.helpers import all_changing, coincident_cloud, joined, make_cloud, real_cloud, with_outliers
-from tests.rooms import gaussians, looking, room, viewers
+from lab.small_clouds import all_changing, coincident_cloud, joined, make_cloud, real_cloud, with_outliers
+from lab.small_room import gaussians, looking, room, viewers
 
 NAMES = {"low": 32.0, "medium": 37.0, "high": 42.0, "transparent": 50.0}
 

@@ -11,8 +11,9 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.encoder.report import EncodeReport
-from tests.helpers import all_changing, match, same_cloud, shuffled, succeeding
-from tests.rooms import NUM_WALLS, behind, inside, room, viewers
+from lab.small_clouds import all_changing, same_cloud, shuffled, succeeding
+from lab.small_room import NUM_WALLS, behind, inside, room, viewers
+from tests.helpers import match
 
 INSIDE = slice(NUM_WALLS, NUM_WALLS + 40)
 BEHIND = slice(NUM_WALLS + 40, None)
