@@ -11,7 +11,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from dfcgs_codec import EncoderOptions, encode_sequence, probe
+from dfcgs_codec import EncoderOptions, EncoderTuning, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
 from dfcgs_codec.codec.decoder import DecodedFrame
 from dfcgs_codec.encoder.analysis import (
@@ -34,7 +34,9 @@ from evaluation.scenes import BENCHMARK_SCENES, make_scene
 
 _GOF_SIZE = 10
 #: with the same errors as the baseline
-_OPTIONS = EncoderOptions(qp=28, zero_bin=0.5, order=OutputOrder.FREE, gof_size=_GOF_SIZE, visibility=False)
+_OPTIONS = EncoderOptions(
+    qp=28, order=OutputOrder.FREE, gof_size=_GOF_SIZE, tuning=EncoderTuning(zero_bin=0.5, visibility=False)
+)
 
 
 def _targets(source: MemorySource, plan: SequencePlan) -> list[Planes]:

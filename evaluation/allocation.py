@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence, probe
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, encode_sequence, probe
 from dfcgs_codec.encoder import rate_control
 from dfcgs_codec.encoder.rate_control import FINE_POSITION_QP_PER_OCTAVE, QP_PER_OCTAVE, REFERENCE_STEPS
 from evaluation.assets import find_asset, has_asset
@@ -35,7 +35,7 @@ TARGETS = (-34.0, -38.0, -42.0, -46.0, -50.0)
 _MOST_GAUSSIANS = 20_000
 _GRID = np.linspace(OCTAVES[0], OCTAVES[-1], 401)
 _SMALLEST_ERROR = 1e-13
-_UNIFORM = EncoderOptions(qp=28, visibility=False, exact=False)
+_UNIFORM = EncoderOptions(qp=28, tuning=EncoderTuning(visibility=False, exact=False))
 
 
 @contextmanager

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Compensation
-from dfcgs_codec.encoder.options import MotionMode
+from dfcgs_codec.encoder.tuning import MotionMode
 from evaluation.assets import find_asset, has_asset
 from evaluation.bench import known_results
 from evaluation.quality import FrameQuality, Image, Pool, frame_quality, image, psnr
@@ -34,11 +34,11 @@ from training.scenes.catalogue import scene as named_scene
 #: frames of the paper's GoF
 NUM_FRAMES = 10
 QPS = (21, 28)
-_PAPER = EncoderOptions(motion=MotionMode.ONLY, compensation=Compensation.SPREAD)
+_PAPER = EncoderOptions(tuning=EncoderTuning(motion=MotionMode.ONLY, compensation=Compensation.SPREAD))
 #: settings by what they are called in the result
 SETTINGS = {
-    "main": EncoderOptions(motion=MotionMode.ONLY),
-    "main_m280": EncoderOptions(motion=MotionMode.ONLY, control_spacing=280),
+    "main": EncoderOptions(tuning=EncoderTuning(motion=MotionMode.ONLY)),
+    "main_m280": EncoderOptions(tuning=EncoderTuning(motion=MotionMode.ONLY, control_spacing=280)),
     "paper": _PAPER,
     "paper_k60": replace(_PAPER, num_neighbours=60),
     "paper_k120": replace(_PAPER, num_neighbours=120),

@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
 from evaluation.assets import find_asset
 from evaluation.record import write_result
 from training.scenes.catalogue import scene
@@ -20,7 +20,10 @@ from training.scenes.catalogue import scene
 _SCENE = "mage_spell"
 _REPEATS = 3
 QP = 28
-VARIANTS = {"graded": EncoderOptions(qp=QP), "uniform": EncoderOptions(qp=QP, visibility=False)}
+VARIANTS = {
+    "graded": EncoderOptions(qp=QP),
+    "uniform": EncoderOptions(qp=QP, tuning=EncoderTuning(visibility=False)),
+}
 
 
 def measure(cloud: GaussianCloud, options: EncoderOptions) -> dict[str, Any]:

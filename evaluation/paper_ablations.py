@@ -25,7 +25,7 @@ from dfcgs_codec.codec.dpb import FrameState, output
 from dfcgs_codec.codec.gof_decoder import GofDecoder
 from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.latent_motion import LatentReference
-from dfcgs_codec.encoder.options import RefinementMode
+from dfcgs_codec.encoder.tuning import RefinementMode
 from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.model.registry import latent_model, load_model, register
 from evaluation.assets import find_asset, has_asset

@@ -19,7 +19,7 @@ from typing import Any
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Compensation, IntraKind, Profile
-from dfcgs_codec.encoder.options import MotionMode, RefinementMode
+from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from evaluation.assets import find_asset, has_asset
 from evaluation.bench import known_results
 from evaluation.quality import Image, Pool, frame_quality, image, psnr

@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.ply import write_ply
 from evaluation.assets import has_asset
 from evaluation.baselines import spz
@@ -50,7 +50,7 @@ def compare(cloud: GaussianCloud, scene: str) -> dict[str, Any]:
     sources = [image(cloud, view) for view in views]
 
     def point(qp: float, *, exact: bool) -> dict[str, Any]:
-        size, notes, decoded = coded(cloud, EncoderOptions(qp=qp, exact=exact))
+        size, notes, decoded = coded(cloud, EncoderOptions(qp=qp, tuning=EncoderTuning(exact=exact)))
         quality = psnr(frame_quality(0, sources, decoded, views).visible.mse)
         kept = any("quantised" in note for note in notes)
         return {"qp": qp, "bytes": size, "psnr": quality, "is_kept": kept}

@@ -7,10 +7,11 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from dataclasses import fields as dataclass_fields
 from functools import cache
 from io import BytesIO
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +19,7 @@ from plyfile import PlyData, PlyElement
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.bitstream.constants import MAGIC, ChunkType
 from dfcgs_codec.bitstream.container import ContainerReader, write_chunk
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
@@ -190,6 +191,12 @@ def shuffled(cloud: GaussianCloud, seed: int = 3) -> GaussianCloud:
 
 
 # --- encode and decode --------------------------------------------------------------------------------
+
+
+def encoder_options(base: EncoderOptions | None = None, **fields: Any) -> EncoderOptions:
+    """`base`, or the defaults, with other fields: those of EncoderOptions and of EncoderTuning alike."""
+    tuned = {f.name: fields.pop(f.name) for f in dataclass_fields(EncoderTuning) if f.name in fields}
+    return replace(base or EncoderOptions(), **fields).tuned(**tuned)
 
 
 def encode(

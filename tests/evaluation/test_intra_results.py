@@ -8,6 +8,7 @@ pytest.importorskip("zstandard")
 
 from dfcgs_codec import EncoderOptions
 from evaluation import intra, intra_tables, quantised_input
+from tests.helpers import encoder_options
 
 
 def test_a_part_has_at_most_so_many_gaussians() -> None:
@@ -53,7 +54,7 @@ def test_an_input_that_spz_has_quantised_is_found() -> None:
     size, cloud = quantised_input.quantised(splat.cloud().take(np.arange(0, 31_000, 16)))
     assert size > 10_000
     exact, notes, _ = quantised_input.coded(cloud, EncoderOptions(qp=16))
-    anew, none, _ = quantised_input.coded(cloud, EncoderOptions(qp=16, exact=False))
+    anew, none, _ = quantised_input.coded(cloud, encoder_options(qp=16, exact=False))
     assert any("SH_2 (0.125)" in note for note in notes)
     assert not none
     assert exact < anew

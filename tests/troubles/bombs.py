@@ -28,7 +28,7 @@ from dfcgs_codec.codec.motion import FOLLOW, MotionSymbols, code_motion
 from dfcgs_codec.codec.topology import TopologySymbols, code_topology
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
-from tests.helpers import Chunk, join_chunks, make_cloud, split_chunks
+from tests.helpers import Chunk, encoder_options, join_chunks, make_cloud, split_chunks
 
 #: decodes a file in a fresh process: frames, name of the error, peak MiB, seconds of CPU
 FRESH = """
@@ -70,7 +70,7 @@ def file_of_alike(count: int) -> bytes:
 
 def encoded(cloud: GaussianCloud, options: EncoderOptions | None = None) -> bytes:
     """A file of one frame, without a prior."""
-    options = replace(options or EncoderOptions(), prior=PriorMode.PLAIN)
+    options = encoder_options(options, prior=PriorMode.PLAIN)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "a.dgs"
         encode_sequence([cloud], path, options)

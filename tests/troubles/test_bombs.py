@@ -12,13 +12,13 @@ from pathlib import Path
 
 import pytest
 
-from dfcgs_codec import DecoderLimits, DfcgsError, EncoderOptions, ResourceLimit
+from dfcgs_codec import DecoderLimits, DfcgsError, ResourceLimit
 from dfcgs_codec.bitstream.constants import ControlRule, IntraKind
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers
 from dfcgs_codec.codec.decoder import SequenceDecoder
-from tests.helpers import join_chunks, make_cloud, split_chunks
+from tests.helpers import encoder_options, join_chunks, make_cloud, split_chunks
 from tests.troubles.bombs import (
     FRESH,
     MOST_BYTES,
@@ -64,16 +64,16 @@ BOMBS: dict[str, tuple[Callable[[], bytes], set[str]]] = {
     "a million frames": (many_frames, {"CorruptBitstream"}),
     "16 million Gaussians": (lambda: claimed(1 << 24), {"ResourceLimit"}),
     "as many as are let in": (lambda: file_of_alike(60_000), {""}),
-    "verbatim, SH degree 2": (lambda: encoded(alike(30_000, 2), EncoderOptions(intra=IntraKind.PLY)), {""}),
+    "verbatim, SH degree 2": (lambda: encoded(alike(30_000, 2), encoder_options(intra=IntraKind.PLY)), {""}),
     "many groups of frames": (many_gofs, {"ResourceLimit"}),
     "frames that repeat": (lambda: repeated(file_of_alike(60_000), Kind(), 150), {"ResourceLimit"}),
     "control points": (
-        lambda: repeated(encoded(lattice(3000), EncoderOptions(control_spacing=1)), Kind(motion=True), 15),
+        lambda: repeated(encoded(lattice(3000), encoder_options(control_spacing=1)), Kind(motion=True), 15),
         {"", "ResourceLimit"},
     ),
     "control points that spread": (
         lambda: repeated(
-            encoded(lattice(2000), EncoderOptions(control_spacing=2)),
+            encoded(lattice(2000), encoder_options(control_spacing=2)),
             Kind(motion=True, spread=SpreadHeader(128, 0)),
             15,
         ),

@@ -18,7 +18,15 @@ from dfcgs_codec.encoder.splats import Splats
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.views.camera import ViewCamera, Views
-from tests.helpers import all_changing, coincident_cloud, joined, make_cloud, real_cloud, with_outliers
+from tests.helpers import (
+    all_changing,
+    coincident_cloud,
+    encoder_options,
+    joined,
+    make_cloud,
+    real_cloud,
+    with_outliers,
+)
 from tests.rooms import gaussians, looking, room, viewers
 
 NAMES = {"low": 32.0, "medium": 37.0, "high": 42.0, "transparent": 50.0}
@@ -39,7 +47,7 @@ def around() -> Views:
 
 
 def plan_of(clouds: list[GaussianCloud], **options: Any) -> SequencePlan:
-    return plan_sequence(MemorySource(clouds), EncoderOptions(**options))
+    return plan_sequence(MemorySource(clouds), encoder_options(**options))
 
 
 @pytest.mark.parametrize("quality", [32.0, 42.0, 50.0])
@@ -185,7 +193,7 @@ CLOUDS: dict[str, list[GaussianCloud]] = {
 
 def check(frames: list[GaussianCloud], path: Path, **options: Any) -> None:
     """Encodes and decodes, and what is kept is as many as was said."""
-    report = encode_sequence(frames, path, EncoderOptions(**options))
+    report = encode_sequence(frames, path, encoder_options(**options))
     decoded = list(decode_sequence(path))
     assert [frame.num_gaussians for frame in report.frames] == [d.cloud().num_gaussians for d in decoded]
     for frame, kept in zip(frames, report.frames, strict=True):
