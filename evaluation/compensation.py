@@ -1,6 +1,6 @@
 """What control points alone achieve, by both rules: `python -m evaluation.compensation [--scenes NAME ...]`.
 
-Large scenes that move smoothly are coded with motion and no residual (`--motion only`): by the main rule, by
+Large scenes that move smoothly are coded with motion and no residual (`motion="only"`): by the main rule, by
 the paper's, and not at all, which repeats the decoded I-frame. All three begin with the same I-frame. Every
 P-frame is rendered and compared with its source from three views; bytes are those of P-frames. `paper_best`
 is the paper's rule with the best motions there are (`evaluation.spread_bound`), whose bytes are not counted.
@@ -40,8 +40,8 @@ SETTINGS = {
     "main": EncoderOptions(tuning=EncoderTuning(motion=MotionMode.ONLY)),
     "main_m280": EncoderOptions(tuning=EncoderTuning(motion=MotionMode.ONLY, control_spacing=280)),
     "paper": _PAPER,
-    "paper_k60": replace(_PAPER, num_neighbours=60),
-    "paper_k120": replace(_PAPER, num_neighbours=120),
+    "paper_k60": _PAPER.tuned(num_neighbours=60),
+    "paper_k120": _PAPER.tuned(num_neighbours=120),
 }
 REPEAT, BEST = "repeat", "paper_best"
 

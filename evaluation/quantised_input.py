@@ -1,7 +1,7 @@
 """What it is worth to find out that an input is quantised: `python -m evaluation.quantised_input`.
 
 Splats as SPZ version 4 gives them back, whose positions, scales and spherical harmonics are multiples of its
-steps. `off`: coded as any other (`--exact off`). `auto`: the default, which keeps those values as they are
+steps. `off`: coded as any other (`exact=False`). `auto`: the default, which keeps those values as they are
 where it finds that worth it. PSNR is that of images against the input, which SPZ has quantised; `ratio`:
 bytes of `auto` divided by those of `off` at its PSNR, None where `off` does not get there.
 """

@@ -428,7 +428,6 @@ TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "captures truth": ("captures", capture_tables.truth_table),
     "promise": ("promise", capture_tables.promise_table),
     "surroundings": ("surroundings", intra_tables.surroundings_table),
-    "refresh": ("refresh", intra_tables.refresh_table),
     "prior": ("prior", prior_tables.streams_table),
     "prior models": ("prior", prior_tables.models_table),
     "paper curves": ("paper_profile", paper_tables.curves_table),
