@@ -17,8 +17,8 @@ DEMO := out/demo
 VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit/transform tests/unit/test_ply.py
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts fitted captures
+.PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden cli-page clean \
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts fitted captures
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -143,9 +143,6 @@ bench-intra: env-eval ## I-frames alone against SPZ, SOG and themselves without 
 bench-surroundings: env-eval ## objects in rooms, under domes, in haze: does the codec see them? (20 minutes)
 	$(BIN)/python -m evaluation.experiments.i_frames.surroundings
 
-bench-refresh: env-eval ## an I-frame now and then, a P-frame that mends everything, or neither (half an hour)
-	$(BIN)/python -m evaluation.experiments.refresh
-
 bench-quantised: env-eval ## splats that another tool has quantised: what keeping their values saves (ten minutes)
 	$(BIN)/python -m evaluation.experiments.i_frames.quantised_input
 
@@ -190,6 +187,9 @@ captures: env-eval ## rebuild the captures of rooms into out/captures (hours; go
 
 fitted: env-eval ## rebuild the fitted training sequence into out/ (about 15 minutes)
 	$(BIN)/python -m training.fitting fitted_barbarian --out out/fitted_barbarian.zip
+
+cli-page: $(STAMP) ## docs/cli.md from the definitions of the commands
+	$(BIN)/python tools/make_cli_page.py
 
 clean: ## remove what was built
 	rm -rf out build $(VENV) .venv-oldest .venv-newest

@@ -30,6 +30,7 @@ from dfcgs_codec.codec.topology import TopologySymbols, code_topology
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from lab.chunks import Chunk, join_chunks, split_chunks
+from lab.options import encoder_options
 from lab.small_clouds import make_cloud
 
 #: decodes a file in a fresh process: frames, name of the error, peak MiB, seconds of CPU
@@ -72,7 +73,7 @@ def file_of_alike(count: int) -> bytes:
 
 def encoded(cloud: GaussianCloud, options: EncoderOptions | None = None) -> bytes:
     """A file of one frame, without a prior."""
-    options = replace(options or EncoderOptions(), prior=PriorMode.PLAIN)
+    options = encoder_options(options, prior=PriorMode.PLAIN)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "a.dgs"
         encode_sequence([cloud], path, options)
@@ -256,16 +257,16 @@ BOMBS: dict[str, tuple[Callable[[], bytes], set[str]]] = {
     "a million frames": (many_frames, {"CorruptBitstream"}),
     "16 million Gaussians": (lambda: claimed(1 << 24), {"ResourceLimit"}),
     "as many as are let in": (lambda: file_of_alike(60_000), {""}),
-    "verbatim, SH degree 2": (lambda: encoded(alike(30_000, 2), EncoderOptions(intra=IntraKind.PLY)), {""}),
+    "verbatim, SH degree 2": (lambda: encoded(alike(30_000, 2), encoder_options(intra=IntraKind.PLY)), {""}),
     "many groups of frames": (many_gofs, {"ResourceLimit"}),
     "frames that repeat": (lambda: repeated(file_of_alike(60_000), Kind(), 150), {"ResourceLimit"}),
     "control points": (
-        lambda: repeated(encoded(lattice(3000), EncoderOptions(control_spacing=1)), Kind(motion=True), 15),
+        lambda: repeated(encoded(lattice(3000), encoder_options(control_spacing=1)), Kind(motion=True), 15),
         {"", "ResourceLimit"},
     ),
     "control points that spread": (
         lambda: repeated(
-            encoded(lattice(2000), EncoderOptions(control_spacing=2)),
+            encoded(lattice(2000), encoder_options(control_spacing=2)),
             Kind(motion=True, spread=SpreadHeader(128, 0)),
             15,
         ),

@@ -6,8 +6,12 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from dataclasses import fields as dataclass_fields
+from functools import cache
+from io import BytesIO
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +19,9 @@ from plyfile import PlyData, PlyElement
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
-from dfcgs_codec.bitstream.constants import ChunkType
-from dfcgs_codec.bitstream.container import ContainerReader
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec.bitstream.constants import MAGIC, ChunkType
+from dfcgs_codec.bitstream.container import ContainerReader, write_chunk
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
 from dfcgs_codec.codec.decoder import DecodedFrame
 from dfcgs_codec.codec.symbol_reader import SymbolReader
@@ -26,6 +30,7 @@ from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.ply import property_names
 from lab.chunks import Chunk, join_chunks, split_chunks
+from lab.options import encoder_options
 from lab.small_clouds import (
     ASSET,
     FIELDS,

@@ -41,8 +41,8 @@ from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.encoder.options import MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
+from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from dfcgs_codec.model.registry import installed
 from dfcgs_codec.ply import write_ply
 
@@ -51,10 +51,11 @@ sys.path.insert(0, str(ROOT))
 from lab import small_clouds as helpers  # noqa: E402
 from lab import small_room as rooms  # noqa: E402
 from lab.chunks import Chunk, join_chunks, split_chunks  # noqa: E402
+from lab.options import encoder_options  # noqa: E402
 
 FOLDER = ROOT / "tests" / "conformance"
 PAPER = EncoderOptions(profile=Profile.PAPER)
-NETWORK = EncoderOptions(prior=PriorMode.NETWORK)
+NETWORK = encoder_options(prior=PriorMode.NETWORK)
 Sequence = tuple[list[GaussianCloud], EncoderOptions]
 
 
@@ -125,9 +126,9 @@ def valid_sequences() -> dict[str, Sequence]:
         "changed_count": ([helpers.make_cloud(40), helpers.make_cloud(30, 0, 9)], EncoderOptions()),
         "verbatim_sh1": (
             helpers.drifting(helpers.make_cloud(50, 1), 3),
-            EncoderOptions(intra=IntraKind.PLY, order=OutputOrder.INPUT),
+            encoder_options(intra=IntraKind.PLY, order=OutputOrder.INPUT),
         ),
-        "sign_flips": (_flipping_signs(), EncoderOptions(keep_axes=True)),
+        "sign_flips": (_flipping_signs(), encoder_options(keep_axes=True)),
         "lost_order": (
             [helpers.make_cloud(80), helpers.shuffled(helpers.make_cloud(80))],
             EncoderOptions(gof_size=1, order=OutputOrder.INPUT),
@@ -142,7 +143,7 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "uniform_steps": (
             helpers.all_changing(helpers.make_cloud(70, 1), 3),
-            EncoderOptions(visibility=False),
+            encoder_options(visibility=False),
         ),
         "two_quantisers_sh2": (helpers.drifting(helpers.real_cloud(1500), 2), EncoderOptions()),
         "two_quantisers_but_for_scales": (
@@ -154,61 +155,69 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.all_changing(rooms.room(), 2),
             EncoderOptions(qp=36, views=rooms.viewers(), keep_unseen=True),
         ),
-        "graded_over_gof_borders": (_waving(400, 5), EncoderOptions(gof_size=2, control_spacing=20)),
-        "motion": (_waving(900, 4), EncoderOptions(control_spacing=20)),
+        "graded_over_gof_borders": (_waving(400, 5), encoder_options(gof_size=2, control_spacing=20)),
+        "motion": (_waving(900, 4), encoder_options(control_spacing=20)),
         "motion_by_stride": (
             _waving(600, 3),
-            EncoderOptions(control_rule=ControlRule.STRIDE, control_spacing=30, qp=20),
+            encoder_options(control_rule=ControlRule.STRIDE, control_spacing=30, qp=20),
         ),
-        "motion_after_verbatim": (_waving(300, 3), EncoderOptions(intra=IntraKind.PLY, control_spacing=10)),
-        "motion_only": (_waving(300, 4), EncoderOptions(motion=MotionMode.ONLY, control_spacing=12)),
+        "motion_after_verbatim": (
+            _waving(300, 3),
+            encoder_options(intra=IntraKind.PLY, control_spacing=10),
+        ),
+        "motion_only": (_waving(300, 4), encoder_options(motion=MotionMode.ONLY, control_spacing=12)),
         "spread_motion": (
             helpers.succeeding(_minute(400), 4),
-            EncoderOptions(compensation=Compensation.SPREAD, motion=MotionMode.ON, control_spacing=15),
+            encoder_options(compensation=Compensation.SPREAD, motion=MotionMode.ON, control_spacing=15),
         ),
-        "births_and_deaths": (helpers.succeeding(_minute(600), 4), EncoderOptions(control_spacing=20)),
+        "births_and_deaths": (
+            helpers.succeeding(_minute(600), 4),
+            encoder_options(control_spacing=20),
+        ),
         "lost_order_topology": (
             helpers.succeeding(_minute(400, 1), 4, shuffle=True),
-            EncoderOptions(control_spacing=20),
+            encoder_options(control_spacing=20),
         ),
         "input_order_topology": (
             helpers.succeeding(_minute(300), 3, shuffle=True),
-            EncoderOptions(order=OutputOrder.INPUT, control_spacing=20),
+            encoder_options(order=OutputOrder.INPUT, control_spacing=20),
         ),
         "topology_after_verbatim": (
             helpers.succeeding(_minute(200), 3),
-            EncoderOptions(intra=IntraKind.PLY, control_rule=ControlRule.STRIDE, control_spacing=9),
+            encoder_options(intra=IntraKind.PLY, control_rule=ControlRule.STRIDE, control_spacing=9),
         ),
         "paper": (helpers.swaying(helpers.real_cloud(900), 4), PAPER),
         "paper_coarse_sh3": (
             helpers.swaying(helpers.make_cloud(400, 3), 3, 0.8),
-            replace(PAPER, latent_step=2, control_spacing=60, num_neighbours=24),
+            encoder_options(PAPER, latent_step=2, control_spacing=60, num_neighbours=24),
         ),
         "paper_fine_by_stride": (
             helpers.swaying(helpers.make_cloud(500), 7, 0.3),
-            replace(PAPER, latent_step=0.25, control_rule=ControlRule.STRIDE, control_spacing=60, gof_size=5),
+            encoder_options(
+                PAPER, latent_step=0.25, control_rule=ControlRule.STRIDE, control_spacing=60, gof_size=5
+            ),
         ),
         "paper_refined": (
             helpers.swaying(helpers.real_cloud(400), 3),
-            replace(PAPER, refinement=RefinementMode.ON, qp=20),
+            encoder_options(PAPER, refinement=RefinementMode.ON, qp=20),
         ),
         "paper_refined_after_verbatim": (
             helpers.all_changing(helpers.make_cloud(60, 1), 3),
-            replace(PAPER, refinement=RefinementMode.ON, intra=IntraKind.PLY),
+            encoder_options(PAPER, refinement=RefinementMode.ON, intra=IntraKind.PLY),
         ),
-        "plain_streams": (helpers.drifting(real, 3), replace(NETWORK, prior=PriorMode.PLAIN)),
+        "plain_streams": (helpers.drifting(real, 3), encoder_options(NETWORK, prior=PriorMode.PLAIN)),
         "prior_tracked_sh2": (helpers.drifting(helpers.real_cloud(500), 4), replace(NETWORK, gof_size=3)),
         "prior_all_attributes_sh3": (helpers.all_changing(helpers.make_cloud(80, 3), 4), NETWORK),
         "prior_many_levels": (helpers.drifting(helpers.make_cloud(2100), 2), replace(NETWORK, qp=24)),
         "prior_few_gaussians": (helpers.all_changing(helpers.make_cloud(7), 3), NETWORK),
         "prior_uniform_steps": (
             helpers.all_changing(helpers.make_cloud(70, 1), 3),
-            replace(NETWORK, visibility=False),
+            encoder_options(NETWORK, visibility=False),
         ),
-        "prior_motion": (_waving(900, 5), replace(NETWORK, control_spacing=20)),
+        "prior_motion": (_waving(900, 5), encoder_options(NETWORK, control_spacing=20)),
         "prior_births_and_deaths": (
             helpers.succeeding(_minute(600), 5),
-            replace(NETWORK, control_spacing=20),
+            encoder_options(NETWORK, control_spacing=20),
         ),
         "escapes": (
             _with_far_ones(helpers.drifting(helpers.make_cloud(80), 6), {0: 1e12, 2: 1e9, 3: 1e9, 5: 1e30}),
@@ -220,7 +229,7 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "escapes_and_topology": (
             _with_far_ones(helpers.succeeding(_minute(200), 3, shuffle=True), {1: 1e10, 2: 1e10}),
-            EncoderOptions(order=OutputOrder.INPUT, control_spacing=20),
+            encoder_options(order=OutputOrder.INPUT, control_spacing=20),
         ),
         "escapes_paper": (_with_far_ones(helpers.swaying(helpers.real_cloud(300), 3), {1: 1e12}), PAPER),
         "float64_from_origin": (
@@ -233,7 +242,7 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "verbatim_not_finite": (
             [_not_finite(cloud) for cloud in helpers.drifting(helpers.make_cloud(40, 1), 3)],
-            EncoderOptions(intra=IntraKind.PLY, order=OutputOrder.INPUT),
+            encoder_options(intra=IntraKind.PLY, order=OutputOrder.INPUT),
         ),
         "odd_rate": (
             helpers.still(helpers.make_cloud(5), 2),
@@ -335,7 +344,7 @@ def _encoded(frames: list[GaussianCloud], options: EncoderOptions) -> bytes:
 
 def _still_after_verbatim() -> bytes:
     """Profile PAPER, SH degree 0: a verbatim I-frame that is repeated."""
-    return _encoded(helpers.still(helpers.make_cloud(50), 3), replace(PAPER, intra=IntraKind.PLY))
+    return _encoded(helpers.still(helpers.make_cloud(50), 3), encoder_options(PAPER, intra=IntraKind.PLY))
 
 
 def _finely_turned() -> bytes:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
 from dfcgs_codec.codec.decoder import DecodedFrame
 from dfcgs_codec.encoder.analysis import (
@@ -37,7 +37,9 @@ from lab.scenes import VARIANTS, SceneOptions, animated_sequence, trained_sequen
 
 _GOF_SIZE = 10
 #: with the same errors as the baseline
-_OPTIONS = EncoderOptions(qp=28, zero_bin=0.5, order=OutputOrder.FREE, gof_size=_GOF_SIZE, visibility=False)
+_OPTIONS = EncoderOptions(
+    qp=28, order=OutputOrder.FREE, gof_size=_GOF_SIZE, tuning=EncoderTuning(zero_bin=0.5, visibility=False)
+)
 
 
 _FRAMES = 20

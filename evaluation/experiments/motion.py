@@ -2,7 +2,7 @@
 
     python -m evaluation.experiments.motion [--frames N] [--scenes NAME ...] [--variants NAME ...]
 
-Every variant of `dfcgs encode` on the first frames of every evaluation scene that has P-frames, at three QPs,
+Every variant of the encoder on the first frames of every evaluation scene that has P-frames, at three QPs,
 against the default: bytes at equal PSNR of whole files and of P-frames alone. Figures land in
 `evaluation/results/motion.json` after every scene; what was measured before by the same code is taken from
 the cache of `evaluation.bench`. Lengths of GoFs are `evaluation.experiments.drift`'s, the paper's rule alone
@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence as Arguments
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from evaluation.bd import bd_delta
@@ -26,25 +24,15 @@ from lab.record import known_results, write_result
 from lab.scenes.catalogue import group
 
 _DEFAULT = "default"
-#: options of `dfcgs encode` by variant
-VARIANTS: dict[str, list[str]] = {
-    "no motion": ["--motion", "off"],
-    "motion in every frame": ["--motion", "on"],
-    "no residual": ["--motion", "only"],
-    "paper's rule": ["--compensation", "paper"],
-    "uniform steps": ["--steps", "uniform"],
-    "M = 35": ["--control-spacing", "35"],
-    "M = 140": ["--control-spacing", "140"],
-    "M = 280": ["--control-spacing", "280"],
-    "stride": ["--control-points", "stride"],
-}
-#: what no option leaves out is left out in the encoder's process: statements before it runs
-PATCHES = {
-    "all control points or none": "motion_choice.level_starts = lambda n: [0, n]",
-    "translation only": (
-        "steps = motion_choice.motion_steps; motion_choice.motion_steps = lambda task: (steps(task)[0], 0)"
-    ),
-    "no temporal prediction": "motion_choice._TEMPORAL_WEIGHTS = (0,)",
+#: EncoderTuning by variant
+VARIANTS: dict[str, dict[str, Any]] = {
+    "no motion": {"motion": "off"},
+    "no residual": {"motion": "only"},
+    "uniform steps": {"visibility": False},
+    "M = 35": {"control_spacing": 35},
+    "M = 140": {"control_spacing": 140},
+    "M = 280": {"control_spacing": 280},
+    "translation only": {"turns": False},
 }
 #: scenes without anything to predict
 _WITHOUT_MOTION = ("plant_bend_untracked",)
@@ -52,22 +40,9 @@ _WITHOUT_MOTION = ("plant_bend_untracked",)
 Figures = dict[str, Any]
 
 
-def _patched(point: Point, statement: str) -> Point:
-    """The same with a statement before the encoder runs; one GoF, so that all of it is in that process."""
-    imports = "from dfcgs_codec.cli import main; from dfcgs_codec.encoder import motion_choice"
-    program = f"{imports}; {statement}; main()"
-
-    def encode(frames: Path, target: Path) -> list[str]:
-        python, _, _, *arguments = point.encode(frames, target)
-        return [python, "-c", program, *arguments]
-
-    return replace(point, encode=encode)
-
-
 def variant_point(variant: str, qp: int) -> Point:
-    """A variant as a user would run it, or as near to that as can be."""
-    point = codec_point("dfcgs", f"{variant}, qp{qp}", ["--qp", str(qp), *VARIANTS.get(variant, [])])
-    return _patched(point, PATCHES[variant]) if variant in PATCHES else point
+    """A variant at a QP."""
+    return codec_point("dfcgs", f"{variant}, qp{qp}", {"qp": qp, "tuning": VARIANTS.get(variant, {})})
 
 
 def _points(subject: Subject, variant: str) -> list[Figures]:
@@ -99,7 +74,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--frames", type=int, default=20, help="of every scene, at most")
     parser.add_argument("--scenes", nargs="*", default=[], help="only these")
-    parser.add_argument("--variants", nargs="*", default=[*VARIANTS, *PATCHES], help="only these")
+    parser.add_argument("--variants", nargs="*", default=list(VARIANTS), help="only these")
     args = parser.parse_args(arguments)
     plan = PLANS["bench"]
     results = known_results("motion")
@@ -119,7 +94,7 @@ def main(arguments: Arguments[str] | None = None) -> None:
                 flush=True,
             )
         path = write_result(
-            "motion", {"frames": args.frames, "qps": CURVE_QPS, "variants": VARIANTS | PATCHES}, results
+            "motion", {"frames": args.frames, "qps": CURVE_QPS, "variants": VARIANTS}, results
         )
     print(path)
 

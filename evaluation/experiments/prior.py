@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, encode_sequence
 from dfcgs_codec.codec.symbols import SymbolCoder, T
 from dfcgs_codec.encoder.frame_coding import CodedFrame
 from dfcgs_codec.encoder.inter_coding import InterCoder, InterTask
@@ -103,7 +103,7 @@ def both_ways() -> Iterator[Counter[str]]:
 
 def stream_bytes(frames: list[GaussianCloud], qp: float, model_id: str | None, folder: Path) -> Figures:
     """Bytes of all streams in both ways."""
-    options = EncoderOptions(qp=qp, gof_size=len(frames), model_id=model_id)
+    options = EncoderOptions(qp=qp, gof_size=len(frames), tuning=EncoderTuning(model_id=model_id))
     with both_ways() as found:
         encode_sequence(frames, folder / "both.dgs", options, force=True)
     return dict(sorted(found.items()))
@@ -114,7 +114,7 @@ def _whole(frames: list[GaussianCloud], images: Images, views: list[Camera], fol
     rows: dict[str, list[Figures]] = {}
     for mode in (PriorMode.PLAIN, PriorMode.AUTO, PriorMode.NETWORK):
         for qp in QPS:
-            options = EncoderOptions(qp=qp, gof_size=len(frames), prior=mode)
+            options = EncoderOptions(qp=qp, gof_size=len(frames), tuning=EncoderTuning(prior=mode))
             row = measure(frames, images, views, options, folder)
             row.pop("psnr_by_frame")
             rows.setdefault(mode.value, []).append(row | {"qp": qp})
@@ -169,7 +169,9 @@ def _seconds(models: list[Path]) -> dict[str, float]:
         for name in ["plain", *([path.stem for path in models] or [DEFAULT_PRIOR])]:
             mode = PriorMode.PLAIN if name == "plain" else PriorMode.NETWORK
             model_id = name if models and mode == PriorMode.NETWORK else None
-            options = EncoderOptions(qp=28, gof_size=len(frames), prior=mode, model_id=model_id)
+            options = EncoderOptions(
+                qp=28, gof_size=len(frames), tuning=EncoderTuning(prior=mode, model_id=model_id)
+            )
             files[name] = Path(target) / f"{name}.dgs"
             encode_sequence(frames, files[name], options)
         # in turn, so that all of them meet the same machine

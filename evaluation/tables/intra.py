@@ -52,13 +52,13 @@ def ratio_table() -> str:
 
 
 def lossless_table() -> str:
-    """`--intra ply` against general compressors."""
+    """`--quality lossless` against general compressors."""
     rows = []
     for name, scene in results("intra").items():
         sizes = scene["lossless"]
         cells = [f"{sizes['ply'] / sizes[method]:.2f}" for method in ("dfcgs", "xz", "zstd")]
         rows.append([name, str(sizes["ply"]), *cells])
-    return table(["splat", "PLY, bytes", "`--intra ply`", "xz -9", "zstd -22"], rows)
+    return table(["splat", "PLY, bytes", "`--quality lossless`", "xz -9", "zstd -22"], rows)
 
 
 def quantised_table() -> str:
@@ -71,7 +71,7 @@ def quantised_table() -> str:
             bits = f"{point['bytes'] / scene['spz_bytes']:.2f}"
             saved = "beyond its reach" if point["ratio"] is None else f"{100 * (point['ratio'] - 1):+.0f} %"
             rows.append([name, f"{point['qp']:g}", f"{point['psnr']:.1f} dB", bits, saved])
-    return table(["splat, from SPZ", "QP", "PSNR", "bytes / SPZ", "against `--exact off`"], rows)
+    return table(["splat, from SPZ", "QP", "PSNR", "bytes / SPZ", "against `exact=False`"], rows)
 
 
 def surroundings_table() -> str:
@@ -87,18 +87,6 @@ def surroundings_table() -> str:
             rows.append([*cells, *("-" if rate is None else f"{rate:+.1f} %" for rate in rates)])
     head = ["splat", "where", "N", f"default, QP {medium}", *(f"{v}, BD-rate" for v in others)]
     return table(head, rows)
-
-
-def refresh_table() -> str:
-    """I-frames now and then against P-frames that mend everything."""
-    rows = []
-    for name, scene in results("refresh").items():
-        for variant, row in scene["summary"].items():
-            middle = scene["curves"][variant][1]
-            ratio = "-" if row["ratio_to_none"] is None else f"{row['ratio_to_none']:.2f}"
-            worst = f"{middle['psnr']:.1f} dB, worst {middle['psnr_worst_frame']:.1f}"
-            rows.append([name, variant, ratio, worst, f"{row['seek']:g}"])
-    return table(["scene", "variant", "bytes at equal PSNR", "QP 28", "frames decoded to seek"], rows)
 
 
 def allocation_table() -> str:

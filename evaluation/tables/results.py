@@ -35,7 +35,6 @@ TABLES: dict[str, tuple[str, Callable[[], str]]] = {
     "captures truth": ("captures", captures.truth_table),
     "promise": ("promise", captures.promise_table),
     "surroundings": ("surroundings", intra.surroundings_table),
-    "refresh": ("refresh", intra.refresh_table),
     "prior": ("prior", prior.streams_table),
     "prior models": ("prior", prior.models_table),
     "paper curves": ("paper_profile", paper.curves_table),

@@ -53,7 +53,7 @@ def point(program: str, **changes: Any) -> Point:
 
 
 def test_our_own_points_give_bytes_times_and_quality(subject: Subject) -> None:
-    figures = measure.measure(subject, codec_point("dfcgs", "medium", ["--quality", "medium"], "medium"))
+    figures = measure.measure(subject, codec_point("dfcgs", "medium", {"quality": "medium"}, "medium"))
     assert 0 < figures["bytes"] < 300 * 25 * 4 * NUM_FRAMES
     assert figures["bytes_per_frame"] == figures["bytes"] / NUM_FRAMES
     assert 25 < figures["psnr"] < 60
@@ -67,7 +67,7 @@ def test_our_own_points_give_bytes_times_and_quality(subject: Subject) -> None:
 
 def test_a_finer_point_is_larger_and_better(subject: Subject) -> None:
     coarse, fine = (
-        measure.measure(subject, codec_point("dfcgs", name, ["--quality", name])) for name in ("low", "high")
+        measure.measure(subject, codec_point("dfcgs", name, {"quality": name})) for name in ("low", "high")
     )
     assert fine["bytes"] > coarse["bytes"]
     assert fine["psnr"] > coarse["psnr"] + 3

@@ -14,7 +14,14 @@ from dfcgs_codec import DecoderLimits, DfcgsError, ResourceLimit
 from dfcgs_codec.bitstream.constants import ControlRule
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.codec.decoder import SequenceDecoder
-from lab.bombs import BOMBS, FRESH, MOST_BYTES, encoded, file_of_alike, with_intra
+from lab.bombs import (
+    BOMBS,
+    FRESH,
+    MOST_BYTES,
+    encoded,
+    file_of_alike,
+    with_intra,
+)
 from tests.helpers import make_cloud
 from tests.troubles.situations import run
 

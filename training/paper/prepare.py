@@ -20,6 +20,7 @@ from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.targets import Planes, Targets
+from dfcgs_codec.encoder.tuning import EncoderTuning
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import MemorySource
@@ -125,7 +126,9 @@ def prepare_gof(
     """A GoF of clouds whose index is identity."""
     layout = layout or Layout()
     # steps as the profile has them: those of MAIN are balanced for the scene
-    options = EncoderOptions(qp=qp, gof_size=1, control_spacing=layout.control_spacing, profile=Profile.PAPER)
+    options = EncoderOptions(
+        qp=qp, gof_size=1, profile=Profile.PAPER, tuning=EncoderTuning(control_spacing=layout.control_spacing)
+    )
     plan = plan_sequence(MemorySource(clouds), options)
     targets = Targets(plan.header.unit_exponents)
     planes = targets.planes(clouds[0])

@@ -9,20 +9,23 @@ All with uniform steps: graded I-frames and balanced steps begin from these.
 
 from __future__ import annotations
 
+import math
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence, probe
-from dfcgs_codec.encoder import rate_control
-from dfcgs_codec.encoder.rate_control import FINE_POSITION_QP_PER_OCTAVE, QP_PER_OCTAVE, REFERENCE_STEPS
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, encode_sequence, probe
+from dfcgs_codec.encoder.rate_control import (
+    FINE_POSITION_QP_PER_OCTAVE,
+    QP_PER_OCTAVE,
+    REFERENCE_QP,
+    REFERENCE_STEPS,
+    REFERENCE_VALUES,
+)
 from evaluation.experiments.i_frames.sensitivity import attributes_of, error_curves
 from lab.assets import find_asset, present
 from lab.record import write_result
@@ -34,18 +37,15 @@ TARGETS = (-34.0, -38.0, -42.0, -46.0, -50.0)
 _MOST_GAUSSIANS = 20_000
 _GRID = np.linspace(OCTAVES[0], OCTAVES[-1], 401)
 _SMALLEST_ERROR = 1e-13
-_UNIFORM = EncoderOptions(qp=28, visibility=False, exact=False)
+_UNIFORM = EncoderOptions(qp=REFERENCE_QP, tuning=EncoderTuning(visibility=False, exact=False))
 
 
-@contextmanager
-def _steps(octave: float) -> Iterator[None]:
+def _at(octave: float, cloud: GaussianCloud) -> EncoderOptions:
     """All steps, positions too, at `octave` from the reference steps, whatever the SH degree."""
-    shifted = {a: s * 2.0**octave for a, s in REFERENCE_STEPS.items()}
-    with (
-        mock.patch.object(rate_control, "REFERENCE_STEPS", shifted),
-        mock.patch.object(rate_control, "_factor", return_value=1.0),
-    ):
-        yield
+    # the encoder makes steps finer where a Gaussian has more values
+    values = 13 + 3 * cloud.sh_rest.shape[2]
+    scale = 2.0**octave * math.sqrt(values / REFERENCE_VALUES)
+    return _UNIFORM.tuned(reference_steps={a: s * scale for a, s in REFERENCE_STEPS.items()})
 
 
 def rate_curves(cloud: GaussianCloud) -> dict[str, list[float]]:
@@ -54,8 +54,7 @@ def rate_curves(cloud: GaussianCloud) -> dict[str, list[float]]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "frame.dgs"
         for octave in OCTAVES:
-            with _steps(octave):
-                encode_sequence([cloud], path, _UNIFORM, force=True)
+            encode_sequence([cloud], path, _at(octave, cloud), force=True)
             spent = probe(path).frames[0].attribute_bytes
             for name, curve in curves.items():
                 curve.append(8.0 * spent.get(name, 0) / cloud.num_gaussians)

@@ -6,7 +6,7 @@ Single trained splats, each as a sequence of one frame; every method in fresh pr
 from the scene's cameras. Scenes whose name ends in `part` have at most 40 000 Gaussians, every n-th of a
 whole one, so that SOG can be asked; it takes minutes for each. Figures are cached as those of the comparison.
 
-`vs`: our bytes divided by the other's at its PSNR. `lossless`: `--intra ply` against general compressors.
+`vs`: our bytes divided by the other's at its PSNR. `lossless`: that quality against general compressors.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from lab.record import write_result
 from lab.views import FEW
 
 QPS = (2, 6, 10, 14, 18, 22, 26, 30, 34, 40)
-#: our curves: options behind the QP
-CURVES: dict[str, list[str]] = {
-    "graded": [],
-    "no balance": ["--balance", "off"],
-    "uniform": ["--steps", "uniform"],
+#: our curves: EncoderTuning
+CURVES: dict[str, dict[str, bool]] = {
+    "graded": {},
+    "no balance": {"balance": False},
+    "uniform": {"visibility": False},
 }
 _BASELINES = ("spz", "sog")
 _PART = 40_000
@@ -84,8 +84,7 @@ def _sequence(splat: Splat) -> Sequence:
 
 
 def _codec_point(curve: str, qp: int) -> Point:
-    options = ["--qp", str(qp), *CURVES[curve]]
-    return codec_point("dfcgs_intra", f"intra {curve} qp{qp}", options)
+    return codec_point("dfcgs_intra", f"intra {curve} qp{qp}", {"qp": qp, "tuning": CURVES[curve]})
 
 
 def _kept(figures: dict[str, Any]) -> dict[str, Any]:
@@ -94,11 +93,12 @@ def _kept(figures: dict[str, Any]) -> dict[str, Any]:
 
 
 def lossless(sequence: Sequence) -> dict[str, int]:
-    """Bytes of the PLY, of `--intra ply`, and of general compressors at their best."""
+    """Bytes of the PLY, of `--quality lossless`, and of general compressors at their best."""
     path = frame_path(sequence.folder, 0)
     data, target = path.read_bytes(), WORK / "lossless.dgs"
     module = [sys.executable, "-m", "dfcgs_codec"]
-    command = [*module, "encode", str(sequence.folder), str(target), "--intra", "ply", "--force", "--quiet"]
+    options = ["--quality", "lossless", "--force", "--quiet"]
+    command = [*module, "encode", str(sequence.folder), str(target), *options]
     done = run_fresh(command)
     if done.exit_code:
         raise RuntimeError(f"{' '.join(command)}: {done.message}")

@@ -3,7 +3,7 @@
     python -m evaluation.experiments.i_frames.quantised_input
 
 Splats as SPZ version 4 gives them back, whose positions, scales and spherical harmonics are multiples of its
-steps. `off`: coded as any other (`--exact off`). `auto`: the default, which keeps those values as they are
+steps. `off`: coded as any other (`exact=False`). `auto`: the default, which keeps those values as they are
 where it finds that worth it. PSNR is that of images against the input, which SPZ has quantised; `ratio`:
 bytes of `auto` divided by those of `off` at its PSNR, None where `off` does not get there.
 """
@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.ply import write_ply
 from evaluation.baselines import spz
 from evaluation.bd import rate_at
@@ -51,7 +51,7 @@ def compare(cloud: GaussianCloud, scene: str) -> dict[str, Any]:
     sources = [image(cloud, view) for view in views]
 
     def point(qp: float, *, exact: bool) -> dict[str, Any]:
-        size, notes, decoded = coded(cloud, EncoderOptions(qp=qp, exact=exact))
+        size, notes, decoded = coded(cloud, EncoderOptions(qp=qp, tuning=EncoderTuning(exact=exact)))
         quality = psnr(frame_quality(0, sources, decoded, views).visible.mse)
         kept = any("quantised" in note for note in notes)
         return {"qp": qp, "bytes": size, "psnr": quality, "is_kept": kept}

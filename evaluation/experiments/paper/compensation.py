@@ -2,7 +2,7 @@
 
     python -m evaluation.experiments.paper.compensation [--scenes NAME ...]
 
-Large scenes that move smoothly are coded with motion and no residual (`--motion only`): by the main rule, by
+Large scenes that move smoothly are coded with motion and no residual (`motion="only"`): by the main rule, by
 the paper's, and not at all, which repeats the decoded I-frame. All three begin with the same I-frame. Every
 P-frame is rendered and compared with its source from three views; bytes are those of P-frames. `paper_best`
 is the paper's rule with the best motions there are (`spread_bound`), whose bytes are not counted.
@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Compensation
-from dfcgs_codec.encoder.options import MotionMode
+from dfcgs_codec.encoder.tuning import MotionMode
 from evaluation.experiments.paper.profile import Images, psnrs
 from evaluation.experiments.paper.spread_bound import best_spread
 from lab.assets import find_asset, present
@@ -36,14 +36,14 @@ from lab.views import FEW, cameras
 #: frames of the paper's GoF
 NUM_FRAMES = 10
 QPS = (21, 28)
-_PAPER = EncoderOptions(motion=MotionMode.ONLY, compensation=Compensation.SPREAD)
+_PAPER = EncoderOptions(tuning=EncoderTuning(motion=MotionMode.ONLY, compensation=Compensation.SPREAD))
 #: settings by what they are called in the result
 SETTINGS = {
-    "main": EncoderOptions(motion=MotionMode.ONLY),
-    "main_m280": EncoderOptions(motion=MotionMode.ONLY, control_spacing=280),
+    "main": EncoderOptions(tuning=EncoderTuning(motion=MotionMode.ONLY)),
+    "main_m280": EncoderOptions(tuning=EncoderTuning(motion=MotionMode.ONLY, control_spacing=280)),
     "paper": _PAPER,
-    "paper_k60": replace(_PAPER, num_neighbours=60),
-    "paper_k120": replace(_PAPER, num_neighbours=120),
+    "paper_k60": _PAPER.tuned(num_neighbours=60),
+    "paper_k120": _PAPER.tuned(num_neighbours=120),
 }
 REPEAT, BEST = "repeat", "paper_best"
 

@@ -19,7 +19,7 @@ from typing import Any
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Compensation, IntraKind, Profile
-from dfcgs_codec.encoder.options import MotionMode, RefinementMode
+from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from lab.assets import find_asset, present
 from lab.quality import Image, Pool, frame_quality, image, psnr
 from lab.record import known_results, write_result
@@ -34,13 +34,13 @@ PAPER = EncoderOptions(profile=Profile.PAPER, qp=QP, gof_size=NUM_FRAMES)
 MAIN = EncoderOptions(qp=QP, gof_size=NUM_FRAMES)
 #: settings by what they are called in the result; those of one QP share their I-frames
 SETTINGS: dict[str, EncoderOptions] = {
-    **{f"paper, q' = {step:g}": replace(PAPER, latent_step=step) for step in (0.5, 1, 2, 4)},
-    "paper, refined": replace(PAPER, refinement=RefinementMode.ON),
+    **{f"paper, q' = {step:g}": PAPER.tuned(latent_step=step) for step in (0.5, 1, 2, 4)},
+    "paper, refined": PAPER.tuned(refinement=RefinementMode.ON),
     "paper, qp18": replace(PAPER, qp=18),
     "paper, qp34": replace(PAPER, qp=34),
-    "paper, ply I-frames": replace(PAPER, intra=IntraKind.PLY),
-    "paper's rule, no network": replace(MAIN, motion=MotionMode.ONLY, compensation=Compensation.SPREAD),
-    "main, no residual": replace(MAIN, motion=MotionMode.ONLY),
+    "paper, ply I-frames": PAPER.tuned(intra=IntraKind.PLY),
+    "paper's rule, no network": MAIN.tuned(motion=MotionMode.ONLY, compensation=Compensation.SPREAD),
+    "main, no residual": MAIN.tuned(motion=MotionMode.ONLY),
     "main": MAIN,
     "main, qp18": replace(MAIN, qp=18),
     "main, qp34": replace(MAIN, qp=34),

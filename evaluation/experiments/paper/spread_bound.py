@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array, identity
 from scipy.sparse.linalg import splu
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
 from dfcgs_codec.codec.compensation import GofMotion, spread_over
 from dfcgs_codec.codec.dpb import FrameState, output
@@ -52,7 +52,9 @@ def _went(target: Planes, reference: FrameState) -> Float64:
 def _intra(frames: list[GaussianCloud], qp: float) -> tuple[SequencePlan, FrameState]:
     """The decoded I-frame, its Gaussians' places in the output being those of the input."""
     source = MemorySource(frames[:1])
-    plan = plan_sequence(source, EncoderOptions(qp=qp, order=OutputOrder.INPUT, keep_axes=True))
+    plan = plan_sequence(
+        source, EncoderOptions(qp=qp, order=OutputOrder.INPUT, tuning=EncoderTuning(keep_axes=True))
+    )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "intra.dgs"
         encode_sequence(source, path, plan.options)

@@ -48,7 +48,7 @@ class Placing:
     @staticmethod
     def of(planes: Planes, plan: SequencePlan, cover: Int64 | None = None) -> Placing:
         """Those of an untracked frame, or of the first of a run; `cover` (N,): cover classes."""
-        if plan.options.keep_axes:
+        if plan.options.tuning.keep_axes:
             return Placing(None, None)
         names = choose_axis_names(planes)
         if not plan.is_graded:
@@ -158,7 +158,7 @@ def _in_intra_frames(state: FrameState, plan: SequencePlan, grading: Grading | N
         return Quantised(_wide(state), same, quantisation.units, 0.5)
     steps = steps_in_intra_frame(state, quantisation.units, grading, quantisation.graded_steps)
     real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
-    zero_bin = plan.options.intra_zero_bin
+    zero_bin = plan.options.tuning.intra_zero_bin
     return Quantised(_wide(state), real, quantisation.units, zero_bin, grading.thin_octaves)
 
 
@@ -171,4 +171,4 @@ def _in_inter_frames(state: FrameState, plan: SequencePlan) -> Quantised:
         a: by.astype(np.float64) * (quantisation.steps[a] / (1 << MULTIPLIER_BITS))
         for a, by in coarser.items()
     }
-    return Quantised(_wide(state), real, quantisation.units, plan.options.zero_bin)
+    return Quantised(_wide(state), real, quantisation.units, plan.options.tuning.zero_bin)

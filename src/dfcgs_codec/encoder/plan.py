@@ -69,7 +69,7 @@ class SequencePlan:
         """
         options = self.options
         possible = options.profile == Profile.MAIN and options.intra == IntraKind.CODED
-        wanted = options.visibility and not options.keep_axes
+        wanted = options.tuning.visibility and not options.tuning.keep_axes
         if self.quantisation.exact or Attribute.ROTATION in self.quantisation.bounded:
             return False
         return possible and wanted
@@ -78,7 +78,8 @@ class SequencePlan:
     def gof_setup(self) -> GofSetup:
         """Units, and how control points are chosen: a cell is about as wide as a position step."""
         shift = self.steps[Attribute.POSITION].bit_length() - 1
-        control = ControlHeader(self.options.control_rule, self.options.control_spacing, shift)
+        tuning = self.options.tuning
+        control = ControlHeader(tuning.control_rule, tuning.control_spacing, shift)
         return GofSetup(control, self.quantisation.units, self.context_model)
 
     @property

@@ -104,7 +104,7 @@ class Watch:
         quantisation, grading, zero_bin = (
             self._plan.quantisation,
             self._grading,
-            self._plan.options.intra_zero_bin,
+            self._plan.options.tuning.intra_zero_bin,
         )
         units, wanted = quantisation.units, Quantised(target, {}, quantisation.units, zero_bin)
         errors: list[tuple[float, float]] = []

@@ -18,6 +18,7 @@ from dfcgs_codec.encoder.splats import Splats
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.views.camera import ViewCamera, Views
+from lab.options import encoder_options
 from lab.small_clouds import all_changing, coincident_cloud, joined, make_cloud, real_cloud, with_outliers
 from lab.small_room import gaussians, looking, room, viewers
 
@@ -39,7 +40,7 @@ def around() -> Views:
 
 
 def plan_of(clouds: list[GaussianCloud], **options: Any) -> SequencePlan:
-    return plan_sequence(MemorySource(clouds), EncoderOptions(**options))
+    return plan_sequence(MemorySource(clouds), encoder_options(**options))
 
 
 @pytest.mark.parametrize("quality", [32.0, 42.0, 50.0])
@@ -185,7 +186,7 @@ CLOUDS: dict[str, list[GaussianCloud]] = {
 
 def check(frames: list[GaussianCloud], path: Path, **options: Any) -> None:
     """Encodes and decodes, and what is kept is as many as was said."""
-    report = encode_sequence(frames, path, EncoderOptions(**options))
+    report = encode_sequence(frames, path, encoder_options(**options))
     decoded = list(decode_sequence(path))
     assert [frame.num_gaussians for frame in report.frames] == [d.cloud().num_gaussians for d in decoded]
     for frame, kept in zip(frames, report.frames, strict=True):

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
+from dfcgs_codec import GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.encoder.report import EncodeReport
+from lab.options import encoder_options
 from lab.small_clouds import all_changing, same_cloud, shuffled, succeeding
 from lab.small_room import NUM_WALLS, behind, inside, room, viewers
 from tests.helpers import match
@@ -26,7 +27,7 @@ QUICK: dict[str, Any] = {"views": viewers(), "prior": "plain", "qp": 24}
 def coded(
     frames: list[GaussianCloud], path: Path, **options: Any
 ) -> tuple[EncodeReport, list[GaussianCloud]]:
-    report = encode_sequence(frames, path, EncoderOptions(**{**QUICK, **options}), force=True)
+    report = encode_sequence(frames, path, encoder_options(**{**QUICK, **options}), force=True)
     return report, [frame.cloud() for frame in decode_sequence(path)]
 
 
