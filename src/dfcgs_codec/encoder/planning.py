@@ -310,12 +310,20 @@ def _seen_from(subject: _Subject, region: Region) -> tuple[Region, dict[int, See
     return region, {index: region.seen(found) for index, (_, found) in weights.items()}
 
 
+def _lossless(subject: _Subject) -> SequencePlan:
+    """With steps of P-frames, of which there are none, and a note where float32 is not all of the input."""
+    plan, positions = subject.plan(TYPICAL_QP), subject.first.positions
+    with np.errstate(over="ignore"):
+        is_kept = np.array_equal(positions.astype(np.float32), positions, equal_nan=True)
+    note = "positions have more digits than float32 holds: --quality lossless rounds them to float32"
+    return replace(plan, quantisation=replace(plan.quantisation, notes=() if is_kept else (note,)))
+
+
 def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     """Header, grids and steps, from the input's headers and its first frame."""
     subject = _subject(source, options)
     if options.is_lossless:
-        # steps of P-frames, of which there are none
-        return subject.plan(TYPICAL_QP)
+        return _lossless(subject)
     if options.views is None or not subject.first.num_gaussians:
         return _Estimator(subject, None).planned()
     positions = _finite(subject.first).positions.astype(np.float64)

@@ -289,3 +289,12 @@ def test_the_next_qp_is_by_slope_or_between(tried: list[tuple[float, float]], be
 def test_where_no_qp_changes_anything_the_search_ends() -> None:
     bounds = {"position": 0.01, "rotation": 2, "scale": 0.1, "alpha": 0.02, "colour": 0.02, "sh": 0.02}
     assert plan_of([ball()], bounds=bounds).estimate is not None
+
+
+def test_lossless_says_where_float32_is_not_enough(tmp_path: Path) -> None:
+    cloud = ball()
+    far = replace(cloud, positions=cloud.positions.astype(np.float64) + 1e6)
+    for frame, notes in ((cloud, 0), (far, 1)):
+        report = encode_sequence([frame], tmp_path / "a.dgs", EncoderOptions(quality="lossless"), force=True)
+        assert sum("rounds them to float32" in note for note in report.notes) == notes
+        assert (report.errors["position"].maximum > 0) == bool(notes)
