@@ -83,7 +83,7 @@ def steps_of(frames: list[GaussianCloud], options: EncoderOptions) -> dict[Attri
         Attribute.ROTATION: -18,
         Attribute.OPACITY: units.opacity,
     }
-    coarser = MULTIPLIERS[-1] / MULTIPLIERS[0] if options.visibility else 1.0
+    coarser = MULTIPLIERS[-1] / MULTIPLIERS[0] if options.tuning.visibility else 1.0
     if plan.is_graded:
         steps = {a: max(step, plan.quantisation.graded_steps[a]) for a, step in steps.items()}
         # a thin axis: the error of how thin it is, companded, and that of axis 1
@@ -211,7 +211,7 @@ def test_anything_that_happens_with_any_options(frames: list[GaussianCloud], opt
             raise
     steps = steps_of(frames, options)
     for source, cloud in zip(frames, decoded, strict=True):
-        check_close(source, cloud, steps, options.zero_bin)
+        check_close(source, cloud, steps, options.tuning.zero_bin)
 
 
 # --- identity -----------------------------------------------------------------------------------------
