@@ -66,7 +66,6 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         intra=values["intra"],
         order=values["order"],
         frame_rate=values["fps"],
-        keep_axes=values["keep_axes"],
         jobs=values["jobs"],
     )
 
@@ -269,7 +268,6 @@ def _summary(report: EncodeReport, target: Path) -> str:
     show_default=True,
     help="Frame rate to write into the file.",
 )
-@click.option("--keep-axes", is_flag=True, help="Keep the order and signs of each Gaussian's axes.")
 @click.option(
     "--pattern",
     default=DEFAULT_PATTERN,

@@ -113,9 +113,8 @@ class EncoderOptions:
     `quality`: PSNR of images in dB, or "low", "medium", "high" or "transparent" (32, 37, 42 and 50 dB): the
     encoder estimates it and chooses the QP; `qp` 0 (finest) to 51, the step doubles every 6, None: by the
     quality; `bounds` replace the steps of their attributes and guarantee a maximum error; `gof_size` frames
-    at most from one I-frame to the next, None: the encoder chooses, 60 at most; `keep_axes` leaves the order
-    and signs of each
-    Gaussian's axes as they were; `compensation` SPREAD ("paper") is the paper's rule, with control points
+    at most from one I-frame to the next, None: the encoder chooses, 60 at most; `compensation` SPREAD
+    ("paper") is the paper's rule, with control points
     moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one control point for
     `control_spacing` Gaussians (M of the paper);
     `visibility`: steps are coarser for what shows less; `balance`: steps of attributes follow what they show
@@ -141,7 +140,6 @@ class EncoderOptions:
     order: Choice[OutputOrder] = Choice(OutputOrder.SEQUENCE)
     frame_rate: Rate = Rate(Fraction(30))
     zero_bin: Real = Real(0.6)
-    keep_axes: Switch = Switch(False)
     motion: Choice[MotionMode] = Choice(MotionMode.AUTO)
     compensation: Choice[Compensation] = Choice(Compensation.GATHER, COMPENSATIONS)
     control_rule: Choice[ControlRule] = Choice(ControlRule.FARTHEST)

@@ -134,10 +134,12 @@ class _Subject:
     def plan(self, qp: float) -> SequencePlan:
         """With the steps of a QP, not balanced."""
         options, headers = self.options, self.source.headers
-        quantisation = plan_quantisation(qp, options.bounds, _finite(self.cloud))
+        codes_main = options.profile == Profile.MAIN and options.intra == IntraKind.CODED
+        visibility = options.visibility and codes_main
+        quantisation = plan_quantisation(qp, options.bounds, _finite(self.cloud), visibility=visibility)
         if options.intra == IntraKind.PLY:
             quantisation = quantisation.with_float32_positions()
-        if options.exact and options.profile == Profile.MAIN and options.intra == IntraKind.CODED:
+        if options.exact and codes_main:
             quantisation = keep_exactly(quantisation, self.source, self._lattices, self.first.sh_degree)
         model = installed(options.model) if options.model else None
         most = max(header.num_gaussians for header in headers)
