@@ -28,6 +28,8 @@ from dfcgs_codec.transform.lod import LevelsOfDetail, build_levels
 
 #: largest cover class
 MAX_COVER = 15
+#: steps of turns count as no larger than this, in stereographic units
+MAX_TURN_STEP = 1 << 16
 #: the axis that may be companded
 THIN_AXIS = 2
 
@@ -143,9 +145,8 @@ class _Walk:
     def rotations(self, coder: SymbolCoder, weights: IntraWeights) -> None:
         """The rotations, in a stream that is open."""
         rule, goal = self.shape.steps, self.goal
-        walk = TurnWalk(
-            *turn_steps(rule, weights), weights.is_needle, self.lod, Attribute.ROTATION in rule.alternating
-        )
+        tilts, spins = (np.minimum(steps, MAX_TURN_STEP) for steps in turn_steps(rule, weights))
+        walk = TurnWalk(tilts, spins, weights.is_needle, self.lod, Attribute.ROTATION in rule.alternating)
         choose = None if goal is None else goal.turns(walk)
         keeps_names = goal is not None and goal.keeps_names
         self.planes[Attribute.ROTATION] = walk.code(coder, choose, keeps_names=keeps_names)

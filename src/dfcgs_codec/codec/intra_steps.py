@@ -25,8 +25,6 @@ Axes = tuple[Int64, Int64, Int64]
 MAX_TURN_WEIGHT = 64
 #: what a turn about a Gaussian's own pole weighs less than a tilt of it
 SPIN_WEIGHT = 16
-#: steps of turns count as no larger than this, in stereographic units
-MAX_TURN_STEP = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,7 @@ def position_octaves(rule: IntraSteps, weights: IntraWeights) -> Int64:
 
 
 def turn_steps(rule: IntraSteps, weights: IntraWeights) -> tuple[Int64, Int64]:
-    """Steps (N,) of tilts and of spins, in stereographic units."""
+    """Steps (N,) of tilts and of spins, in stereographic units, before they are limited."""
     step, level = rule.steps[Attribute.ROTATION], rule.levels[Attribute.ROTATION]
-    tilts, spins = (np.minimum(coarser_steps(step, level, w), MAX_TURN_STEP) for w in weights.turns())
-    return tilts, spins
+    tilt, spin = weights.turns()
+    return coarser_steps(step, level, tilt), coarser_steps(step, level, spin)

@@ -10,11 +10,19 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import MAX_SORT_BITS, Attribute
 from dfcgs_codec.bitstream.frame_headers import SortGrid
-from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols, classify_blocks, nonzero_rows
+from dfcgs_codec.codec.activity import (
+    DENSE,
+    NUM_MAGNITUDES,
+    AttributeActivity,
+    InterSymbols,
+    nonzero_rows,
+    row_sums,
+)
 from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.transform.companding import compress
+from dfcgs_codec.transform.lod import ladder
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
 from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, multiply, to_stereo
@@ -28,6 +36,8 @@ Planes = dict[Attribute, Int64]
 SLACK = 0.6
 #: logit of the least opacity that is drawn
 FAINTEST = -4.5
+#: with more significant Gaussians than this, all are coded, and their nearest neighbours help
+_ALL_DENSE_SHARE = 0.85
 #: a unit quaternion times these is its inverse
 _CONJUGATE = np.array([1, -1, -1, -1])
 
@@ -151,6 +161,22 @@ def moved_rows(attribute: Attribute, reference: FrameState, predicted: FrameStat
     """Whether each Gaussian of `predicted` differs from `reference`; None where none does."""
     old, new = reference.planes[attribute], predicted.planes[attribute]
     return None if old is new else nonzero_rows(new.values - old.values)
+
+
+def classify_blocks(symbols: Int64, block_log2: int) -> tuple[Int64, Int64]:
+    """Density and magnitude class of each block of `symbols` (N, C)."""
+    starts = np.arange(0, len(symbols), 1 << block_log2)
+    magnitude = row_sums(np.abs(symbols))
+    significant = np.add.reduceat((magnitude > 0).astype(np.int64), starts)
+    size = np.diff(np.append(starts, len(symbols)))
+    density = np.where(significant * 4 < size, 1, 2)
+    density = np.where(significant == size, DENSE, density)
+    density[significant == 0] = 0
+    if significant.sum() > _ALL_DENSE_SHARE * len(symbols):
+        density[:] = DENSE
+    total = np.add.reduceat(magnitude, starts) * 4
+    mean = total // np.maximum(significant * symbols.shape[1], 1)
+    return density, ladder(mean, NUM_MAGNITUDES)
 
 
 def inter_symbols(

@@ -5,10 +5,11 @@ import pytest
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols, classify_blocks
+from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.verbatim import state_of
+from dfcgs_codec.encoder.analysis import classify_blocks
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.rotation import ONE
 from tests.helpers import make_cloud
