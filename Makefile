@@ -17,8 +17,8 @@ DEMO := out/demo
 VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit/transform tests/unit/test_ply.py
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts fitted captures
+.PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden cli-page clean \
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts fitted captures
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -45,8 +45,8 @@ env-train: $(TRAIN_STAMP) ## the same with torch, for training
 
 demo: $(STAMP) ## the main job on a real moving sequence: make frames, encode, decode in a fresh process, verify
 	rm -rf $(DEMO)
-	$(BIN)/python -m training.scenes assets/playbot_31k_sh2.ply $(DEMO)/frames --frames 10 --motion part --variant noisy
-	$(BIN)/python -m training.scenes assets/Fox.glb $(DEMO)/fox --frames 10 --gaussians 20000 --clip Run
+	$(BIN)/python -m lab.scenes assets/playbot_31k_sh2.ply $(DEMO)/frames --frames 10 --motion part --variant noisy
+	$(BIN)/python -m lab.scenes assets/Fox.glb $(DEMO)/fox --frames 10 --gaussians 20000 --clip Run
 	$(BIN)/dfcgs encode $(DEMO)/frames $(DEMO)/playbot.dgs --verify
 	$(BIN)/dfcgs encode $(DEMO)/fox $(DEMO)/fox.dgs --verify
 	$(BIN)/dfcgs decode $(DEMO)/playbot.dgs $(DEMO)/decoded
@@ -74,7 +74,7 @@ test-newest: $(STAMP) ## the same with the newest
 	.venv-newest/bin/python -m pytest $(VERSIONED)
 
 test-evaluation: env-eval ## the tests of renderer, metrics, baselines and fitting, which need the extra [eval]
-	$(BIN)/python -m pytest -n 2 tests/evaluation tests/unit/test_fitting.py tests/unit/captures
+	$(BIN)/python -m pytest -n 2 tests/lab tests/evaluation tests/training
 
 test-training: env-train ## the tests of training, which need torch
 	$(BIN)/python -m pytest -n 2 tests/training
@@ -116,20 +116,20 @@ bench-quick: env-eval ## four scenes, six frames, the quick methods (under 10 mi
 	$(BIN)/python -m evaluation.bench --quick
 
 bench-motion: env-eval ## what motion and its parts are worth: ablations (two hours)
-	$(BIN)/python -m evaluation.motion
+	$(BIN)/python -m evaluation.experiments.motion
 
 bench-compensation: env-eval ## motion without residual: the main rule, the paper's, the last frame repeated (10 minutes)
-	$(BIN)/python -m evaluation.compensation
+	$(BIN)/python -m evaluation.experiments.paper.compensation
 
 bench-paper: env-eval ## profile paper against main, and the paper's tables (an hour)
-	$(BIN)/python -m evaluation.paper_profile
-	$(BIN)/python -m evaluation.paper_ablations
+	$(BIN)/python -m evaluation.experiments.paper.profile
+	$(BIN)/python -m evaluation.experiments.paper.ablations
 
 bench-prior: env-eval ## what the frozen prior of profile main is worth: bytes of every stream with it and without (half an hour)
-	$(BIN)/python -m evaluation.prior
+	$(BIN)/python -m evaluation.experiments.prior
 
 bench-smooth: env-eval ## smooth scenes of 60 frames against quantised delta + zstd (an hour)
-	$(BIN)/python -m evaluation.long_smooth
+	$(BIN)/python -m evaluation.experiments.long_smooth
 
 bench-captures: env-eval ## rooms seen from within: presets with and without cameras, uniform steps, delta + zstd (half an hour; resumes)
 	$(BIN)/python -m evaluation.captures
@@ -138,48 +138,43 @@ bench-promise: env-eval ## are frames as good as the presets promise, and as the
 	$(BIN)/python -m evaluation.promise
 
 bench-intra: env-eval ## I-frames alone against SPZ, SOG and themselves without grading (half an hour)
-	$(BIN)/python -m evaluation.intra
+	$(BIN)/python -m evaluation.experiments.i_frames.intra
 
 bench-surroundings: env-eval ## objects in rooms, under domes, in haze: does the codec see them? (20 minutes)
-	$(BIN)/python -m evaluation.surroundings
-
-bench-refresh: env-eval ## an I-frame now and then, a P-frame that mends everything, or neither (half an hour)
-	$(BIN)/python -m evaluation.refresh
+	$(BIN)/python -m evaluation.experiments.i_frames.surroundings
 
 bench-quantised: env-eval ## splats that another tool has quantised: what keeping their values saves (ten minutes)
-	$(BIN)/python -m evaluation.quantised_input
+	$(BIN)/python -m evaluation.experiments.i_frames.quantised_input
 
 bench-since: env-eval ## BD-rate of our curves against those of another commit: make bench-since COMMIT=...
-	$(BIN)/python -m evaluation.since $(COMMIT)
+	$(BIN)/python -m evaluation.experiments.since $(COMMIT)
 
 bench-identity: env-eval ## are Gaussians found again whose order is lost? fails where a bar is missed (10 minutes)
-	$(BIN)/python -m evaluation.identity
+	$(BIN)/python -m evaluation.experiments.identity
 
 drift: env-eval ## 300 frames at five GoF sizes against all-intra
-	$(BIN)/python -m evaluation.drift
+	$(BIN)/python -m evaluation.experiments.drift
 
 stress: env-eval ## the sequences that break codecs; fails where one misses a bar
 	$(BIN)/python -m evaluation.stress
 
 allocation: env-eval ## are the quantiser steps in the right proportion?
-	$(BIN)/python -m evaluation.allocation
+	$(BIN)/python -m evaluation.experiments.i_frames.allocation
 
 charts: env-eval ## docs/charts/*.svg, the tables of docs/results.md, docs/field.md and the README, from evaluation/results
 	$(BIN)/python -m evaluation.charts
 	$(BIN)/python -m evaluation.tables
-	$(BIN)/python -m evaluation.field
-	$(BIN)/python -m evaluation.readme
 
 bench-troubles: env-eval ## far Gaussians, headers, small files that ask for much: fails where a bar is missed (half an hour)
 	$(BIN)/python -m evaluation.troubles
-	$(BIN)/python -m evaluation.far_values
-	$(BIN)/python -m evaluation.appearing
+	$(BIN)/python -m evaluation.experiments.far_values
+	$(BIN)/python -m evaluation.experiments.appearing
 
 bench-zstd: env-eval ## against "quantised delta + zstd" at equal errors
-	$(BIN)/python -m evaluation.against_zstd
+	$(BIN)/python -m evaluation.experiments.against_zstd
 
 bench-spz: env-eval ## I-frames against SPZ version 4 at equal errors
-	$(BIN)/python -m evaluation.against_spz
+	$(BIN)/python -m evaluation.experiments.i_frames.against_spz
 
 bench-speed: env-eval ## encode and decode times
 	$(BIN)/python -m evaluation.speed
@@ -192,6 +187,9 @@ captures: env-eval ## rebuild the captures of rooms into out/captures (hours; go
 
 fitted: env-eval ## rebuild the fitted training sequence into out/ (about 15 minutes)
 	$(BIN)/python -m training.fitting fitted_barbarian --out out/fitted_barbarian.zip
+
+cli-page: $(STAMP) ## docs/cli.md from the definitions of the commands
+	$(BIN)/python tools/make_cli_page.py
 
 clean: ## remove what was built
 	rm -rf out build $(VENV) .venv-oldest .venv-newest

@@ -13,23 +13,21 @@ skipped with a notice. `evaluation.captures` runs the same on ten frames of capt
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from collections.abc import Callable
 from collections.abc import Sequence as Arguments
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from evaluation.assets import has_asset
 from evaluation.baselines.catalogue import METHODS
 from evaluation.baselines.method import MethodUnavailable
-from evaluation.capture_files import cameras_file
 from evaluation.measure import Rated, Subject, measure
 from evaluation.points import CODEC_CURVES, Point, baseline_points, capture_points, codec_points
-from evaluation.record import RESULTS, write_result
 from evaluation.sequences import materialise
-from evaluation.views import ANGLES, FEW
-from training.scenes.catalogue import Group, Scene, group, is_capture
+from lab.assets import present
+from lab.captures.files import cameras_file
+from lab.record import known_results, write_result
+from lab.scenes.catalogue import Group, Scene, group, is_capture
+from lab.views import ANGLES, FEW
 
 _RENDER_EVERY = 5
 
@@ -71,15 +69,8 @@ PLANS = {
 
 def chosen_scenes(plan: Plan, wanted: Arguments[str]) -> list[Scene]:
     """Those of a plan that are wanted (empty: all) and on this machine."""
-    chosen = []
-    for scene in group(plan.group):
-        if (plan.scenes and scene.name not in plan.scenes) or (wanted and scene.name not in wanted):
-            continue
-        if has_asset(scene.asset):
-            chosen.append(scene)
-        else:
-            print(f"{scene.name}: skipped, {scene.asset} is not on this machine", file=sys.stderr)
-    return chosen
+    planned = [scene for scene in group(plan.group) if not plan.scenes or scene.name in plan.scenes]
+    return list(present(planned, wanted))
 
 
 def chosen_points(plan: Plan, wanted: Arguments[str], scene: Scene) -> list[Point]:
@@ -134,13 +125,6 @@ def _version(point: Point) -> str:
         return point.version()
     except MethodUnavailable as error:
         return str(error)
-
-
-def known_results(result: str) -> dict[str, Any]:
-    """What an earlier run left: scenes that this run does not touch stay."""
-    path = RESULTS / f"{result}.json"
-    results: dict[str, Any] = json.loads(path.read_text())["results"] if path.exists() else {}
-    return results
 
 
 def merged(old: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:

@@ -15,19 +15,11 @@ from collections.abc import Sequence as Arguments
 from typing import Any
 
 from evaluation.bd import bd_delta
-from evaluation.bench import (
-    PLANS,
-    bench_scene,
-    chosen_points,
-    chosen_scenes,
-    conditions,
-    known_results,
-    merged,
-)
+from evaluation.bench import PLANS, bench_scene, chosen_points, chosen_scenes, conditions, merged
+from evaluation.curves import curves, measured
 from evaluation.points import CODEC_CURVES
-from evaluation.record import write_result
-from evaluation.results_file import curves, measured
-from training.scenes.catalogue import group
+from lab.record import known_results, write_result
+from lab.scenes.catalogue import group
 
 PLAN = PLANS["captures"]
 #: what the curves are compared with

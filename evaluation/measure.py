@@ -14,16 +14,16 @@ from typing import Any
 
 from dfcgs_codec import probe
 from dfcgs_codec.ply import read_ply
-from evaluation.attribute_errors import attribute_errors
 from evaluation.baselines.__main__ import EXIT_REFUSED, EXIT_UNAVAILABLE
 from evaluation.baselines.method import MethodUnavailable, frame_path, frame_paths
-from evaluation.capture_files import true_images
 from evaluation.fresh import Run, run_fresh
 from evaluation.points import Point
-from evaluation.quality import Float32, Image, compared, image, summary, true_quality
 from evaluation.sequences import WORK, Sequence
-from evaluation.views import cameras
-from training.scenes.catalogue import is_capture
+from lab.attribute_errors import attribute_errors
+from lab.captures.files import true_images
+from lab.quality import Float32, Image, compared, image, summary, true_quality
+from lab.scenes.catalogue import is_capture
+from lab.views import cameras
 
 _CACHE = WORK / "cache"
 #: a change of how things are measured, so that older figures are not taken for new ones

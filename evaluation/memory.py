@@ -16,10 +16,10 @@ import numpy as np
 
 from dfcgs_codec import GaussianCloud
 from dfcgs_codec.ply import read_ply, write_ply
-from evaluation.assets import find_asset
 from evaluation.fresh import run_fresh
-from evaluation.record import write_result
-from training.scenes import VARIANTS, SceneOptions, trained_sequence
+from lab.assets import find_asset
+from lab.record import write_result
+from lab.scenes import VARIANTS, SceneOptions, trained_sequence
 
 _GAUSSIANS = 200_000
 _FRAMES = 300

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 from dfcgs_codec import EncoderOptions
 from dfcgs_codec.encoder.rate_control import QUALITIES
 from evaluation.baselines.catalogue import METHODS
 from evaluation.baselines.method import Method, SequenceFacts
-from evaluation.record import REPOSITORY
+from lab.record import REPOSITORY
+
+Command = list[str]
+#: fields of EncoderOptions by name, as JSON has them; `tuning` is a dict of EncoderTuning's
+Options = dict[str, Any]
 
 #: QPs between and beyond the presets, so that curves reach what the others offer
 _MORE_QPS = (40,)
@@ -21,20 +27,18 @@ CURVE_QPS = (18, 28, 34)
 #: QPs of uniform steps, from below what `low` shows to about `transparent`; images of rooms fall apart
 #: at once where steps become coarser than what stands before the camera
 _UNIFORM_QPS = (28, 23, 18, 13, 8)
-#: our curves: label and further options of `dfcgs encode`
-CODEC_CURVES = {
-    "dfcgs": ("dfcgs (default)", []),
-    "dfcgs_still": ("dfcgs, no motion", ["--motion", "off"]),
-    "dfcgs_gof10": ("dfcgs, GoF 10", ["--gof-size", "10"]),
-    "dfcgs_intra": ("dfcgs, I-frames only", ["--gof-size", "1"]),
-    "dfcgs_paper": ("dfcgs, profile paper", ["--profile", "paper"]),
-    "dfcgs_uniform": ("dfcgs, uniform steps", ["--steps", "uniform"]),
-    "dfcgs_views": ("dfcgs, told its cameras", []),
+#: our curves: label and further EncoderOptions, `tuning` as a dict
+CODEC_CURVES: dict[str, tuple[str, Options]] = {
+    "dfcgs": ("dfcgs (default)", {}),
+    "dfcgs_still": ("dfcgs, no motion", {"tuning": {"motion": "off"}}),
+    "dfcgs_gof10": ("dfcgs, GoF 10", {"gof_size": 10}),
+    "dfcgs_intra": ("dfcgs, I-frames only", {"gof_size": 1}),
+    "dfcgs_paper": ("dfcgs, profile paper", {"profile": "paper"}),
+    "dfcgs_uniform": ("dfcgs, uniform steps", {"tuning": {"visibility": False}}),
+    "dfcgs_views": ("dfcgs, told its cameras", {}),
 }
 _PYTHON = sys.executable
 _FILE = "sequence.dgs"
-
-Command = list[str]
 
 
 @dataclass(frozen=True)
@@ -70,13 +74,22 @@ def codec_version() -> str:
     return total.hexdigest()[:16]
 
 
-def codec_point(method: str, setting: str, options: Command, preset: str | None = None) -> Point:
-    """`dfcgs encode` with `options`, as a user would run it."""
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")
+
+
+def codec_point(method: str, setting: str, options: Options, preset: str | None = None) -> Point:
+    """`dfcgs encode` with `options`, as a user would run it; `evaluation.tuned` where some are for Python."""
     label, more = CODEC_CURVES[method]
+    wanted = more | options
     module = [_PYTHON, "-m", "dfcgs_codec"]
 
     def encode(frames: Path, target: Path) -> Command:
-        return [*module, "encode", str(frames), str(target / _FILE), "--quiet", "--json", *more, *options]
+        files = [str(frames), str(target / _FILE)]
+        if "tuning" in wanted:
+            return [_PYTHON, "-m", "evaluation.tuned", *files, json.dumps(wanted)]
+        flags = [text for name, value in wanted.items() for text in (_flag(name), str(value))]
+        return [*module, "encode", *files, "--quiet", "--json", *flags]
 
     def decode(target: Path, frames: Path) -> Command:
         return [*module, "decode", str(target / _FILE), str(frames), "--quiet", "--force"]
@@ -86,10 +99,10 @@ def codec_point(method: str, setting: str, options: Command, preset: str | None 
 
 def codec_points() -> list[Point]:
     """Presets and more QPs on the default curve; QPs alone on the others."""
-    points = [codec_point("dfcgs", name, ["--quality", name], name) for name in QUALITIES]
-    points += [codec_point("dfcgs", f"qp{qp}", ["--qp", str(qp)]) for qp in _MORE_QPS]
+    points = [codec_point("dfcgs", name, {"quality": name}, name) for name in QUALITIES]
+    points += [codec_point("dfcgs", f"qp{qp}", {"qp": qp}) for qp in _MORE_QPS]
     for method in ("dfcgs_still", "dfcgs_gof10", "dfcgs_intra", "dfcgs_paper"):
-        points += [codec_point(method, f"qp{qp}", ["--qp", str(qp)]) for qp in CURVE_QPS]
+        points += [codec_point(method, f"qp{qp}", {"qp": qp}) for qp in CURVE_QPS]
     return points
 
 
@@ -100,13 +113,11 @@ def takes_views() -> bool:
 
 def capture_points(cameras: Path) -> list[Point]:
     """What is asked of captures beside: steps that heed nothing, and presets told where the cameras stood."""
-    points = [codec_point("dfcgs_uniform", f"qp{qp}", ["--qp", str(qp)]) for qp in _UNIFORM_QPS]
+    points = [codec_point("dfcgs_uniform", f"qp{qp}", {"qp": qp}) for qp in _UNIFORM_QPS]
     if not takes_views():
         return points
     digest = hashlib.sha256(cameras.read_bytes()).hexdigest()[:16]
-    told = [
-        codec_point("dfcgs_views", name, ["--quality", name, "--views", str(cameras)]) for name in QUALITIES
-    ]
+    told = [codec_point("dfcgs_views", name, {"quality": name, "views": str(cameras)}) for name in QUALITIES]
     return points + [replace(point, version=lambda: f"{codec_version()} {digest}") for point in told]
 
 

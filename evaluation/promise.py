@@ -18,16 +18,15 @@ from typing import Any
 
 from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence
 from dfcgs_codec.encoder.rate_control import QUALITIES
-from evaluation.assets import has_asset
-from evaluation.bench import known_results
-from evaluation.capture_files import cameras_file
 from evaluation.measure import Rated, Subject
 from evaluation.points import takes_views
-from evaluation.quality import frame_quality, summary
-from evaluation.record import write_result
 from evaluation.sequences import materialise
-from evaluation.views import FEW, cameras
-from training.scenes.catalogue import Scene, group, is_capture
+from lab.assets import present
+from lab.captures.files import cameras_file
+from lab.quality import frame_quality, summary
+from lab.record import known_results, write_result
+from lab.scenes.catalogue import Scene, group, is_capture
+from lab.views import FEW, cameras
 
 PRESETS = ("medium", "high", "transparent")
 _NUM_FRAMES, _RENDER_EVERY = 10, 3
@@ -57,6 +56,7 @@ def rate(subject: Subject, options: EncoderOptions) -> Figures:
     quality = summary(frame_quality(i, sources[i], cloud, views, whole) for i, cloud in decoded.items())
     mean, worst = quality["psnr"], quality["psnr_worst_frame"]
     return {
+        "frames": len(frames),
         "psnr": mean,
         "worst_minus_mean": None if mean is None else worst - mean,
         "estimated_psnr": getattr(report, "estimated_psnr", None),
@@ -107,13 +107,10 @@ def main(arguments: Arguments[str] | None = None) -> int:
         print("this encoder takes no views", file=sys.stderr)
         return 2
     results = known_results("promise")
-    for scene in (s for s in known if not args.scenes or s.name in args.scenes):
-        if not has_asset(scene.asset):
-            print(f"{scene.name}: skipped, {scene.asset} is not on this machine", file=sys.stderr)
-            continue
+    for scene in present(known, args.scenes):
         rows = rate_scene(scene, args.preset, args.frames, args.views)
         results[scene.name] = results.get(scene.name, {}) | rows
-        write_result("promise", {"frames": args.frames, "render_every": _RENDER_EVERY}, results)
+        write_result("promise", {"render_every": _RENDER_EVERY}, results)
     return 0
 
 

@@ -16,9 +16,9 @@ from dfcgs_codec import GaussianCloud, probe
 from dfcgs_codec.files import FRAME_NAME
 from dfcgs_codec.ply import read_ply, write_ply
 from evaluation.fresh import Run, run_fresh
-from evaluation.quality import FrameQuality, frame_quality, image
-from evaluation.render import Camera, orbit
-from evaluation.views import central_box
+from lab.quality import FrameQuality, frame_quality, image
+from lab.render import Camera, orbit
+from lab.views import central_box
 
 SIZE = (320, 240)
 VERTICAL_FOV = 50.0

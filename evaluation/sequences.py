@@ -13,10 +13,10 @@ import numpy as np
 
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.ply import read_ply, write_ply
-from evaluation.assets import find_asset
 from evaluation.baselines.method import SequenceFacts, frame_path, frame_paths
-from evaluation.record import REPOSITORY
-from training.scenes.catalogue import Scene
+from lab.assets import find_asset
+from lab.record import REPOSITORY
+from lab.scenes.catalogue import Scene
 
 WORK = REPOSITORY / "out" / "bench"
 IDS = "ids.npz"

@@ -20,10 +20,10 @@ from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.segment import SegmentEncoder
 from dfcgs_codec.ply import read_ply
 from dfcgs_codec.sequence import MemorySource
-from evaluation.assets import find_asset
-from evaluation.record import write_result
-from training.scenes import VARIANTS, SceneOptions, trained_sequence
-from training.scenes.catalogue import scene as named_scene
+from lab.assets import find_asset
+from lab.record import write_result
+from lab.scenes import VARIANTS, SceneOptions, trained_sequence
+from lab.scenes.catalogue import scene as named_scene
 
 QP = 28
 _FRAMES = 8

@@ -20,11 +20,11 @@ from typing import Any
 
 from dfcgs_codec import GaussianCloud
 from dfcgs_codec.ply import read_ply
-from evaluation.assets import find_asset
-from evaluation.quality import summary
-from evaluation.record import write_result
 from evaluation.round_trip import ANGLES, SIZE, RoundTripError, compare, round_trip, write_frames
-from training.scenes import STRESS, VARIANTS, SceneOptions, stress_sequence, trained_sequence
+from lab.assets import find_asset
+from lab.quality import summary
+from lab.record import write_result
+from lab.scenes import STRESS, VARIANTS, SceneOptions, stress_sequence, trained_sequence
 
 FRAMES = 8
 BLOB = 20_000

@@ -1,7 +1,7 @@
 """What trouble costs: `python -m evaluation.troubles`; fails where a bar is missed.
 
 Seconds to look at the headers of 300 frames, memory and seconds of small files that ask for much, seconds of
-reading one frame. Far Gaussians have a module of their own (`evaluation.far_values`).
+reading one frame. Far Gaussians have a module of their own (`evaluation.experiments.far_values`).
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ from typing import Any
 
 from dfcgs_codec.ply import read_ply, write_ply
 from dfcgs_codec.sequence import open_folder
-from evaluation.record import write_result
-from tests.helpers import make_cloud
-from tests.troubles.bombs import FRESH
-from tests.troubles.test_bombs import BOMBS
+from lab.bombs import BOMBS, FRESH
+from lab.record import write_result
+from lab.small_clouds import make_cloud
 
 NUM_HEADERS, MOST_SECONDS_OF_HEADERS = 300, 0.5
 MOST_MIB, MOST_SECONDS = 300, 2.0

@@ -12,8 +12,9 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.bitstream.constants import IntraKind, Profile
-from dfcgs_codec.encoder.options import RefinementMode
+from dfcgs_codec.encoder.tuning import RefinementMode
 from dfcgs_codec.ply import write_ply
+from lab.options import encoder_options
 from tests.helpers import all_changing, drifting, make_cloud, real_cloud, run_python, swaying
 
 #: prints a digest of every state and of every PLY that a fresh process decodes
@@ -46,9 +47,9 @@ def _sequences() -> dict[str, tuple[list[GaussianCloud], EncoderOptions]]:
         "all_attributes": (all_changing(make_cloud(400, 3), 3), EncoderOptions(qp=12)),
         "paper": (
             swaying(real, 3, 0.1),
-            EncoderOptions(profile=Profile.PAPER, refinement=RefinementMode.ON),
+            encoder_options(profile=Profile.PAPER, refinement=RefinementMode.ON),
         ),
-        "verbatim": (drifting(make_cloud(300, 1), 3), EncoderOptions(intra=IntraKind.PLY)),
+        "verbatim": (drifting(make_cloud(300, 1), 3), encoder_options(intra=IntraKind.PLY)),
     }
 
 

@@ -16,6 +16,7 @@ PUBLIC = {
     "DecoderLimits",
     "DfcgsError",
     "EncoderOptions",
+    "EncoderTuning",
     "GaussianCloud",
     "InputError",
     "InputPolicy",

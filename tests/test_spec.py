@@ -68,10 +68,10 @@ from dfcgs_codec.encoder import frame_coding, streams
 from dfcgs_codec.encoder.intra_plan import IntraTarget
 from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionTrial
-from dfcgs_codec.encoder.options import MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from dfcgs_codec.entropy import coder, tables
 from dfcgs_codec.entropy.symbols import code_bits, code_escapes, code_residuals
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS
@@ -531,7 +531,7 @@ def test_encoded_sequences(
 ) -> None:
     rng = np.random.default_rng(count)
     target = tmp_path / "sequence.dgs"
-    options = EncoderOptions(order=order, intra=intra, gof_size=4)
+    options = helpers.encoder_options(order=order, intra=intra, gof_size=4)
     encode_sequence(_sequence(rng, count, sh_degree), target, options)
     assert len(_check_file(target.read_bytes())) == 6
 
@@ -861,7 +861,9 @@ def test_networks(
     monkeypatch.setattr(LatentCoder, "_leads_nearer", lambda *_: True)
     frames = _sequence(np.random.default_rng(seed), 150, sh_degree)[:4]
     target = tmp_path / "random.dgs"
-    options = EncoderOptions(profile=Profile.PAPER, model_id="random", **({"control_spacing": 15} | changes))
+    options = helpers.encoder_options(
+        profile=Profile.PAPER, model_id="random", **({"control_spacing": 15} | changes)
+    )
     report = encode_sequence(frames, target, options)
     assert sum(frame.kind == "P" for frame in report.frames) >= 1
     _check_file(target.read_bytes(), {"random": _as_text_reads(arrays)})
@@ -937,7 +939,9 @@ def test_priors(name: str, mode: PriorMode, tmp_path: Path, monkeypatch: pytest.
     make, changes = PRIOR_SEQUENCES[name]
     _, models = _random_prior(sorted(PRIOR_SEQUENCES).index(name), monkeypatch)
     target = tmp_path / "random.dgs"
-    report = encode_sequence(make(), target, EncoderOptions(prior=mode, model_id="random", **changes))
+    report = encode_sequence(
+        make(), target, helpers.encoder_options(prior=mode, model_id="random", **changes)
+    )
     assert sum(frame.kind == "P" for frame in report.frames) >= 2
     _check_file(target.read_bytes(), models)
 
@@ -977,7 +981,7 @@ def test_models_that_do_not_fit(profile: Profile, tmp_path: Path, monkeypatch: p
     models |= {"network": _as_text_reads(arrays)}
     own, other = (prior, network) if profile == Profile.MAIN else (network, prior)
     target = tmp_path / "sequence.dgs"
-    options = EncoderOptions(profile=profile, model_id=own.model_id)
+    options = helpers.encoder_options(profile=profile, model_id=own.model_id)
     encode_sequence(helpers.drifting(helpers.make_cloud(20), 2), target, options)
     data = target.read_bytes()
     assert len(_check_file(data, models)) == 2

@@ -25,7 +25,7 @@ _ENCODINGS = {
     "default": (),
     "two processes": ("--quality", "high", "--gof-size", "2", "--jobs", "2"),
     "bounded": ("--order", "input", "--bound", "position=0.001", "--bound", "rotation=0.5", "--fps", "29.97"),
-    "verbatim": ("--intra", "ply"),
+    "verbatim": ("--quality", "lossless"),
     "paper": ("--profile", "paper"),
 }
 

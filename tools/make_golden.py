@@ -41,18 +41,21 @@ from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.encoder.options import MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
+from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from dfcgs_codec.model.registry import installed
 from dfcgs_codec.ply import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-from tests import helpers, rooms  # noqa: E402
+from lab import small_clouds as helpers  # noqa: E402
+from lab import small_room as rooms  # noqa: E402
+from lab.chunks import Chunk, join_chunks, split_chunks  # noqa: E402
+from lab.options import encoder_options  # noqa: E402
 
 FOLDER = ROOT / "tests" / "conformance"
 PAPER = EncoderOptions(profile=Profile.PAPER)
-NETWORK = EncoderOptions(prior=PriorMode.NETWORK)
+NETWORK = encoder_options(prior=PriorMode.NETWORK)
 Sequence = tuple[list[GaussianCloud], EncoderOptions]
 
 
@@ -123,7 +126,7 @@ def valid_sequences() -> dict[str, Sequence]:
         "changed_count": ([helpers.make_cloud(40), helpers.make_cloud(30, 0, 9)], EncoderOptions()),
         "verbatim_sh1": (
             helpers.drifting(helpers.make_cloud(50, 1), 3),
-            EncoderOptions(intra=IntraKind.PLY, order=OutputOrder.INPUT),
+            encoder_options(intra=IntraKind.PLY, order=OutputOrder.INPUT),
         ),
         "sign_flips": (_flipping_signs(), EncoderOptions()),
         "lost_order": (
@@ -147,7 +150,7 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "uniform_steps": (
             helpers.all_changing(helpers.make_cloud(70, 1), 3),
-            EncoderOptions(visibility=False),
+            encoder_options(visibility=False),
         ),
         "two_quantisers_sh2": (helpers.drifting(helpers.real_cloud(1500), 2), EncoderOptions()),
         "two_quantisers_but_for_scales": (
@@ -159,61 +162,69 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.all_changing(rooms.room(), 2),
             EncoderOptions(qp=36, views=rooms.viewers(), keep_unseen=True),
         ),
-        "names_over_gof_borders": (_waving(400, 5), EncoderOptions(gof_size=2, control_spacing=20)),
-        "motion": (_waving(900, 4), EncoderOptions(control_spacing=20)),
+        "names_over_gof_borders": (_waving(400, 5), encoder_options(gof_size=2, control_spacing=20)),
+        "motion": (_waving(900, 4), encoder_options(control_spacing=20)),
         "motion_by_stride": (
             _waving(600, 3),
-            EncoderOptions(control_rule=ControlRule.STRIDE, control_spacing=30, qp=20),
+            encoder_options(control_rule=ControlRule.STRIDE, control_spacing=30, qp=20),
         ),
-        "motion_after_verbatim": (_waving(300, 3), EncoderOptions(intra=IntraKind.PLY, control_spacing=10)),
-        "motion_only": (_waving(300, 4), EncoderOptions(motion=MotionMode.ONLY, control_spacing=12)),
+        "motion_after_verbatim": (
+            _waving(300, 3),
+            encoder_options(intra=IntraKind.PLY, control_spacing=10),
+        ),
+        "motion_only": (_waving(300, 4), encoder_options(motion=MotionMode.ONLY, control_spacing=12)),
         "spread_motion": (
             helpers.succeeding(_minute(400), 4),
-            EncoderOptions(compensation=Compensation.SPREAD, motion=MotionMode.ON, control_spacing=15),
+            encoder_options(compensation=Compensation.SPREAD, motion=MotionMode.ON, control_spacing=15),
         ),
-        "births_and_deaths": (helpers.succeeding(_minute(600), 4), EncoderOptions(control_spacing=20)),
+        "births_and_deaths": (
+            helpers.succeeding(_minute(600), 4),
+            encoder_options(control_spacing=20),
+        ),
         "lost_order_topology": (
             helpers.succeeding(_minute(400, 1), 4, shuffle=True),
-            EncoderOptions(control_spacing=20),
+            encoder_options(control_spacing=20),
         ),
         "input_order_topology": (
             helpers.succeeding(_minute(300), 3, shuffle=True),
-            EncoderOptions(order=OutputOrder.INPUT, control_spacing=20),
+            encoder_options(order=OutputOrder.INPUT, control_spacing=20),
         ),
         "topology_after_verbatim": (
             helpers.succeeding(_minute(200), 3),
-            EncoderOptions(intra=IntraKind.PLY, control_rule=ControlRule.STRIDE, control_spacing=9),
+            encoder_options(intra=IntraKind.PLY, control_rule=ControlRule.STRIDE, control_spacing=9),
         ),
         "paper": (helpers.swaying(helpers.real_cloud(900), 4), PAPER),
         "paper_coarse_sh3": (
             helpers.swaying(helpers.make_cloud(400, 3), 3, 0.8),
-            replace(PAPER, latent_step=2, control_spacing=60, num_neighbours=24),
+            encoder_options(PAPER, latent_step=2, control_spacing=60, num_neighbours=24),
         ),
         "paper_fine_by_stride": (
             helpers.swaying(helpers.make_cloud(500), 7, 0.3),
-            replace(PAPER, latent_step=0.25, control_rule=ControlRule.STRIDE, control_spacing=60, gof_size=5),
+            encoder_options(
+                PAPER, latent_step=0.25, control_rule=ControlRule.STRIDE, control_spacing=60, gof_size=5
+            ),
         ),
         "paper_refined": (
             helpers.swaying(helpers.real_cloud(400), 3),
-            replace(PAPER, refinement=RefinementMode.ON, qp=20),
+            encoder_options(PAPER, refinement=RefinementMode.ON, qp=20),
         ),
         "paper_refined_after_verbatim": (
             helpers.all_changing(helpers.make_cloud(60, 1), 3),
-            replace(PAPER, refinement=RefinementMode.ON, intra=IntraKind.PLY),
+            encoder_options(PAPER, refinement=RefinementMode.ON, intra=IntraKind.PLY),
         ),
-        "plain_streams": (helpers.drifting(real, 3), replace(NETWORK, prior=PriorMode.PLAIN)),
+        "plain_streams": (helpers.drifting(real, 3), encoder_options(NETWORK, prior=PriorMode.PLAIN)),
         "prior_tracked_sh2": (helpers.drifting(helpers.real_cloud(500), 4), replace(NETWORK, gof_size=3)),
         "prior_all_attributes_sh3": (helpers.all_changing(helpers.make_cloud(80, 3), 4), NETWORK),
         "prior_many_levels": (helpers.drifting(helpers.make_cloud(2100), 2), replace(NETWORK, qp=24)),
         "prior_few_gaussians": (helpers.all_changing(helpers.make_cloud(7), 3), NETWORK),
         "prior_uniform_steps": (
             helpers.all_changing(helpers.make_cloud(70, 1), 3),
-            replace(NETWORK, visibility=False),
+            encoder_options(NETWORK, visibility=False),
         ),
-        "prior_motion": (_waving(900, 5), replace(NETWORK, control_spacing=20)),
+        "prior_motion": (_waving(900, 5), encoder_options(NETWORK, control_spacing=20)),
         "prior_births_and_deaths": (
             helpers.succeeding(_minute(600), 5),
-            replace(NETWORK, control_spacing=20),
+            encoder_options(NETWORK, control_spacing=20),
         ),
         "escapes": (
             _with_far_ones(helpers.drifting(helpers.make_cloud(80), 6), {0: 1e12, 2: 1e9, 3: 1e9, 5: 1e30}),
@@ -225,7 +236,7 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "escapes_and_topology": (
             _with_far_ones(helpers.succeeding(_minute(200), 3, shuffle=True), {1: 1e10, 2: 1e10}),
-            EncoderOptions(order=OutputOrder.INPUT, control_spacing=20),
+            encoder_options(order=OutputOrder.INPUT, control_spacing=20),
         ),
         "escapes_paper": (_with_far_ones(helpers.swaying(helpers.real_cloud(300), 3), {1: 1e12}), PAPER),
         "float64_from_origin": (
@@ -238,7 +249,7 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "verbatim_not_finite": (
             [_not_finite(cloud) for cloud in helpers.drifting(helpers.make_cloud(40, 1), 3)],
-            EncoderOptions(intra=IntraKind.PLY, order=OutputOrder.INPUT),
+            encoder_options(intra=IntraKind.PLY, order=OutputOrder.INPUT),
         ),
         "odd_rate": (
             helpers.still(helpers.make_cloud(5), 2),
@@ -249,22 +260,22 @@ def valid_sequences() -> dict[str, Sequence]:
 
 def _with_gaps(data: bytes) -> bytes:
     """Frame numbers 3, 4, 9 and 20 in place of 0 to 3."""
-    chunks = helpers.split_chunks(data)
+    chunks = split_chunks(data)
     header = SequenceHeader.read(ByteReader(chunks[0].payload))
     writer = ByteWriter()
     replace(header, frame_numbers=FrameNumbers.of([3, 4, 9, 20])).write(writer)
-    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
+    return join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
 
 
-def _chunks_with(data: bytes, change: Callable[[helpers.Chunk], helpers.Chunk]) -> bytes:
+def _chunks_with(data: bytes, change: Callable[[Chunk], Chunk]) -> bytes:
     """The file with every chunk changed, checksums and index right again."""
-    return helpers.join_chunks([change(chunk) for chunk in helpers.split_chunks(data)])
+    return join_chunks([change(chunk) for chunk in split_chunks(data)])
 
 
-def _in_chunk(chunk_type: ChunkType, position: int, value: int) -> Callable[[helpers.Chunk], helpers.Chunk]:
+def _in_chunk(chunk_type: ChunkType, position: int, value: int) -> Callable[[Chunk], Chunk]:
     """Replace one payload byte of every chunk of a type."""
 
-    def change(chunk: helpers.Chunk) -> helpers.Chunk:
+    def change(chunk: Chunk) -> Chunk:
         if chunk.chunk_type != chunk_type:
             return chunk
         payload = bytearray(chunk.payload)
@@ -275,20 +286,20 @@ def _in_chunk(chunk_type: ChunkType, position: int, value: int) -> Callable[[hel
 
 
 def _with_chunk(data: bytes, chunk_type: int) -> bytes:
-    chunks = helpers.split_chunks(data)
-    return helpers.join_chunks([chunks[0], helpers.Chunk(chunk_type, 0, b"of another time"), *chunks[1:]])
+    chunks = split_chunks(data)
+    return join_chunks([chunks[0], Chunk(chunk_type, 0, b"of another time"), *chunks[1:]])
 
 
 def _without_intra(data: bytes) -> bytes:
-    kept = [c for c in helpers.split_chunks(data) if c.chunk_type != ChunkType.INTRA_FRAME]
-    return helpers.join_chunks(kept, index=b"\x01\x04\x10")
+    kept = [c for c in split_chunks(data) if c.chunk_type != ChunkType.INTRA_FRAME]
+    return join_chunks(kept, index=b"\x01\x04\x10")
 
 
 def _changed_intra(data: bytes, change: Callable[[IntraHeader], IntraHeader], more: bytes = b"") -> bytes:
     """The file with the headers of its I-frames changed, and bytes appended to their payloads."""
-    sequence = SequenceHeader.read(ByteReader(helpers.split_chunks(data)[0].payload))
+    sequence = SequenceHeader.read(ByteReader(split_chunks(data)[0].payload))
 
-    def rewrite(chunk: helpers.Chunk) -> helpers.Chunk:
+    def rewrite(chunk: Chunk) -> Chunk:
         if chunk.chunk_type != ChunkType.INTRA_FRAME:
             return chunk
         reader = ByteReader(chunk.payload)
@@ -302,9 +313,9 @@ def _changed_intra(data: bytes, change: Callable[[IntraHeader], IntraHeader], mo
 
 def _with_rotation_step(data: bytes, step: int) -> bytes:
     """The file with another step of rotation symbols in its P-frames."""
-    sequence = SequenceHeader.read(ByteReader(helpers.split_chunks(data)[0].payload))
+    sequence = SequenceHeader.read(ByteReader(split_chunks(data)[0].payload))
 
-    def rewrite(chunk: helpers.Chunk) -> helpers.Chunk:
+    def rewrite(chunk: Chunk) -> Chunk:
         if chunk.chunk_type != ChunkType.INTER_FRAME:
             return chunk
         header = InterHeader.read(ByteReader(chunk.payload), sequence)
@@ -319,7 +330,7 @@ def _refined_alone(data: bytes) -> bytes:
     """The file with REFINEMENT in each P-frame, which refines nothing where SH has degree 0."""
     frames = {frame.index: frame.state for frame in SequenceDecoder(BytesIO(data)).frames()}
 
-    def rewrite(chunk: helpers.Chunk) -> helpers.Chunk:
+    def rewrite(chunk: Chunk) -> Chunk:
         if chunk.chunk_type != ChunkType.INTER_FRAME:
             return chunk
         frame_hash = replace(frames[chunk.frame_index], verbatim=None).hash()
@@ -340,7 +351,7 @@ def _encoded(frames: list[GaussianCloud], options: EncoderOptions) -> bytes:
 
 def _still_after_verbatim() -> bytes:
     """Profile PAPER, SH degree 0: a verbatim I-frame that is repeated."""
-    return _encoded(helpers.still(helpers.make_cloud(50), 3), replace(PAPER, intra=IntraKind.PLY))
+    return _encoded(helpers.still(helpers.make_cloud(50), 3), encoder_options(PAPER, intra=IntraKind.PLY))
 
 
 def _finely_turned() -> bytes:
@@ -349,24 +360,24 @@ def _finely_turned() -> bytes:
 
 
 def _with_units(data: bytes, **changes: object) -> bytes:
-    chunks = helpers.split_chunks(data)
+    chunks = split_chunks(data)
     header = SequenceHeader.read(ByteReader(chunks[0].payload))
     writer = ByteWriter()
     replace(header, unit_exponents=replace(header.unit_exponents, **changes)).write(writer)
-    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
+    return join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
 
 
 def _with_model(data: bytes, model_id: str, model_hash: bytes) -> bytes:
-    chunks = helpers.split_chunks(data)
+    chunks = split_chunks(data)
     header = SequenceHeader.read(ByteReader(chunks[0].payload))
     writer = ByteWriter()
     replace(header, model_id=model_id, model_hash=model_hash).write(writer)
-    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
+    return join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
 
 
 def _without(data: bytes, chunk_type: int) -> bytes:
-    kept = [c for c in helpers.split_chunks(data) if c.chunk_type != chunk_type]
-    return helpers.join_chunks(kept)
+    kept = [c for c in split_chunks(data) if c.chunk_type != chunk_type]
+    return join_chunks(kept)
 
 
 def _longer(header: IntraHeader) -> IntraHeader:
@@ -411,7 +422,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
     damaged = bytearray(_with_chunk(valid, 0xB3))
     damaged[damaged.index(b"of another time")] ^= 1
     long_integer = b"\x80\x00"
-    header = helpers.split_chunks(valid)[0]
+    header = split_chunks(valid)[0]
     stretched = replace(header, payload=header.payload[:5] + long_integer + header.payload[6:])
     return {
         "no_gaussians": (_changed_intra(valid, lambda h: replace(h, num_gaussians=0)), "CorruptBitstream"),
@@ -438,7 +449,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
         "missing_frames": (_without(moving, ChunkType.INTER_FRAME), "CorruptBitstream"),
         "damaged_ancillary_chunk": (bytes(damaged), "CorruptBitstream"),
         "long_integer": (
-            helpers.join_chunks([stretched, *helpers.split_chunks(valid)[1:]]),
+            join_chunks([stretched, *split_chunks(valid)[1:]]),
             "CorruptBitstream",
         ),
         "unknown_tool": (
@@ -454,7 +465,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
 
 def faulty_escapes(valid: bytes) -> dict[str, tuple[bytes, str]]:
     """Escapes that cannot be; in `valid` one chunk of them has three."""
-    chunk = next(c for c in helpers.split_chunks(valid) if c.chunk_type == ChunkType.ESCAPES)
+    chunk = next(c for c in split_chunks(valid) if c.chunk_type == ChunkType.ESCAPES)
     payload, corrupt = chunk.payload, "CorruptBitstream"
     count = payload[0]
     columns, patterns = payload[1 + count : 1 + 2 * count], payload[1 + 2 * count :]
@@ -476,11 +487,11 @@ def faulty_escapes(valid: bytes) -> dict[str, tuple[bytes, str]]:
 
 def faulty_paper_streams(valid: bytes) -> dict[str, tuple[bytes, str]]:
     """Files of profile PAPER that cannot be; in `valid` frames move by latents and nothing else."""
-    chunks = helpers.split_chunks(valid)
+    chunks = split_chunks(valid)
     tools = 16
     other = replace(chunks[0], payload=chunks[0].payload[:-1] + bytes([chunks[0].payload[-1] ^ 1]))
     return {
-        "another_model": (helpers.join_chunks([other, *chunks[1:]]), "ModelMismatch"),
+        "another_model": (join_chunks([other, *chunks[1:]]), "ModelMismatch"),
         "missing_hyperprior": (_without(valid, ChunkType.HYPERPRIOR), "CorruptBitstream"),
         "missing_latents": (_without(valid, ChunkType.MOTION), "CorruptBitstream"),
         "main_tool_in_paper": (

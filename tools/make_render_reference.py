@@ -1,9 +1,9 @@
-"""Reference images for `evaluation.render` from gsplat's own torch code, on the CPU.
+"""Reference images for `lab.render` from gsplat's own torch code, on the CPU.
 
     python -m venv other && other/bin/pip install gsplat==1.5.3 torch==2.13.0 plyfile numpy
     PYTHONPATH=src other/bin/python tools/make_render_reference.py
 
-writes tests/evaluation/data/gsplat_reference.npz. gsplat's projection (`_fully_fused_projection`) and
+writes tests/lab/render/data/gsplat_reference.npz. gsplat's projection (`_fully_fused_projection`) and
 spherical harmonics (`_spherical_harmonics`) run as they are, in float64. Its rasteriser needs CUDA, so the
 composite below is written from the kernel (rasterize_to_pixels), all pixels against all Gaussians:
 
@@ -34,7 +34,7 @@ from torch import Tensor
 from dfcgs_codec.ply import read_ply
 
 ROOT = Path(__file__).parent.parent
-TARGET = ROOT / "tests" / "evaluation" / "data" / "gsplat_reference.npz"
+TARGET = ROOT / "tests" / "lab" / "render" / "data" / "gsplat_reference.npz"
 NUM_GAUSSIANS = 1500
 BACKGROUND = (0.2, 0.5, 0.9)
 WIDTH, HEIGHT = 96, 72

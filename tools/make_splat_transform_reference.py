@@ -1,4 +1,4 @@
-"""A reference image for `evaluation.render` from splat-transform's WebGPU rasteriser.
+"""A reference image for `lab.render` from splat-transform's WebGPU rasteriser.
 
     npm install @playcanvas/splat-transform@2.7.1
     python tools/make_splat_transform_reference.py node_modules/.bin/splat-transform
@@ -11,7 +11,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from evaluation.renderer import EYE, SIZE, SPLAT, SPLAT_TRANSFORM_REFERENCE, TARGET, UP, VERTICAL_FOV
+from lab.render_reference import EYE, SIZE, SPLAT, SPLAT_TRANSFORM_REFERENCE, TARGET, UP, VERTICAL_FOV
 
 
 def _turned(vector: tuple[float, float, float]) -> str:

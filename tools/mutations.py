@@ -22,9 +22,10 @@ from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader, Spre
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.errors import BitstreamError
-from tests.helpers import ROOT, Chunk, join_chunks, split_chunks
+from lab.chunks import Chunk, join_chunks, split_chunks
+from lab.record import REPOSITORY
 
-FOLDER = ROOT / "tests" / "conformance" / "valid"
+FOLDER = REPOSITORY / "tests" / "conformance" / "valid"
 #: bytes of a stream that the test's seeds break: small, so that many of them take seconds
 SMALL = 3000
 _EDGES = (0, 1, 2, 3, 7, 8, 12, 31, 32, 63, 64, 127, 128, 255, 256, 4096, 1 << 14, 1 << 18, 1 << 24)

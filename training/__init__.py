@@ -1,1 +1,1 @@
-"""Training of the frozen model, and the scenes it is trained on; may import the codec, never the reverse."""
+"""Training of the frozen models, and the fitting of Gaussians to images; imports the codec and `lab`."""

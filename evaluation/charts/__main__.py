@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from evaluation.charts import bytes_chart, drift, rate_distortion, speed
-from evaluation.results_file import has_results, kinds, results
+from evaluation.curves import kinds
+from lab.record import has_results, results
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from evaluation.charts.style import write_chart
-from evaluation.results_file import measured
+from evaluation.curves import measured
 
 _PRESET = "medium"
 _COLOURS = {

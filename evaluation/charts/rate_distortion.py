@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from evaluation.bd import rate_at, rising
 from evaluation.charts.style import look, plain_log_axis, shared_legend, write_chart
-from evaluation.results_file import Row, curves, measured
+from evaluation.curves import Row, curves, measured
 
 Scenes = dict[str, Any]
 _COLUMNS = 3

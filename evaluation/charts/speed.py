@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from evaluation.bd import psnr_at
 from evaluation.charts.style import OURS, look, plain_log_axis, write_chart
-from evaluation.results_file import Row, curves, families, measured
+from evaluation.curves import Row, curves, families, measured
 
 Scenes = dict[str, Any]
 #: the stated rate of a scene: the bytes that this preset takes there

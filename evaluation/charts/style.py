@@ -14,7 +14,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from evaluation.record import REPOSITORY
+from lab.record import REPOSITORY
 
 CHARTS = REPOSITORY / "docs" / "charts"
 #: ours in one strong colour, the others told apart by colour and marker (Okabe and Ito's palette)

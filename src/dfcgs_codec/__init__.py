@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from dfcgs_codec.codec.probe import probe
     from dfcgs_codec.encoder.options import EncoderOptions
     from dfcgs_codec.encoder.rate_control import Bound
+    from dfcgs_codec.encoder.tuning import EncoderTuning
     from dfcgs_codec.gaussians import GaussianCloud
     from dfcgs_codec.ply import InputPolicy
     from dfcgs_codec.sequence import open_folder
@@ -44,6 +45,7 @@ _LAZY = {
     "probe": "dfcgs_codec.codec.probe",
     "DecoderLimits": "dfcgs_codec.codec.limits",
     "EncoderOptions": "dfcgs_codec.encoder.options",
+    "EncoderTuning": "dfcgs_codec.encoder.tuning",
     "Bound": "dfcgs_codec.encoder.rate_control",
     "GaussianCloud": "dfcgs_codec.gaussians",
     "InputPolicy": "dfcgs_codec.ply",
@@ -57,6 +59,7 @@ __all__ = [
     "DecoderLimits",
     "DfcgsError",
     "EncoderOptions",
+    "EncoderTuning",
     "GaussianCloud",
     "InputError",
     "InputPolicy",

@@ -21,18 +21,9 @@ PYTHON = {
     "--force": "force=True",
     "--fps": "frame_rate",
     "--bound": "bounds",
-    "--psnr": "quality",
-    "--control-points": "control_rule",
-    "--control-neighbours": "num_neighbours",
     "--profile main": 'profile="main"',
     "--profile paper": 'profile="paper"',
-    "--intra coded": 'intra="coded"',
-    "--intra ply": 'intra="ply"',
-    "--steps": "visibility",
-    "--steps visibility": "visibility=True",
-    "--steps uniform": "visibility=False",
-    "--balance auto": "balance=True",
-    "--exact off": "exact=False",
+    "--quality lossless": 'quality="lossless"',
 }
 #: not in the middle of a word or of a path
 _OPTION = r"(?<![\w./-])"

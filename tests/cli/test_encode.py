@@ -17,7 +17,6 @@ import pytest
 from dfcgs_codec import decode_sequence, probe
 from tests.cli.conftest import NUM_FRAMES
 from tests.helpers import (
-    all_changing,
     dfcgs,
     drifting,
     make_cloud,
@@ -94,10 +93,14 @@ def test_jobs_do_not_change_the_bytes(frames_dir: Path, tmp_path: Path) -> None:
     assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
 
 
-def test_verbatim(frames_dir: Path, tmp_path: Path) -> None:
+def test_lossless(frames_dir: Path, tmp_path: Path) -> None:
     target = tmp_path / "out.dgs"
-    options = ("--intra", "ply", "--gof-size", "1", "--order", "input")
-    assert dfcgs("encode", frames_dir, target, *options).returncode == 0
+    done = dfcgs("encode", frames_dir, target, "--quality", "lossless", "--order", "input", "--json")
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert {frame["kind"] for frame in report["frames"]} == {"I"}
+    assert report["qp"] is report["estimated_psnr"] is None
+    assert all(error["max"] == 0 for error in report["errors"].values())
     for frame in decode_sequence(target):
         source = frames_dir / f"frame_{frame.number:04d}.ply"
         assert source.read_bytes().endswith(ply_table(frame.cloud()).tobytes())
@@ -229,23 +232,11 @@ def test_gof_size_is_auto_or_a_number(frames_dir: Path, tmp_path: Path) -> None:
     assert "neither auto nor a number" in refused.stderr
 
 
-def test_steps_can_be_the_same_for_all(tmp_path: Path) -> None:
-    frames_dir = write_frames(tmp_path / "frames", all_changing(real_cloud(300), 4))
-    found = {}
-    for steps in ("visibility", "uniform"):
-        target = tmp_path / f"{steps}.dgs"
-        done = dfcgs("encode", frames_dir, target, "--steps", steps, "--qp", "28", "--verify")
-        assert done.returncode == 0, done.stderr
-        found[steps] = json.loads(dfcgs("info", target, "--json").stdout)
-    assert "COVER" not in found["uniform"]["bytes_by_attribute"]
-    assert found["visibility"]["bytes_by_attribute"]["COVER"] <= 8
-    assert found["visibility"]["num_bytes"] < found["uniform"]["num_bytes"]
-
-
 def test_a_quality_is_estimated_and_said(frames_dir: Path, tmp_path: Path) -> None:
     for options, psnr in (
         ((), 37),
         (("--quality", "low"), 32),
+        (("--quality", "40"), 40),
         (("--psnr", "44.5", "--quality", "low"), 44.5),
     ):
         target = tmp_path / f"{psnr}.dgs"
@@ -276,46 +267,18 @@ def test_a_qp_comes_before_a_quality(frames_dir: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("psnr", ["14", "71", "nan"])
 def test_qualities_out_of_range_are_refused(psnr: str, frames_dir: Path, tmp_path: Path) -> None:
-    done = dfcgs("encode", frames_dir, tmp_path / "a.dgs", "--psnr", psnr)
+    done = dfcgs("encode", frames_dir, tmp_path / "a.dgs", "--quality", psnr)
     assert done.returncode == 1
-    assert f"--psnr {float(psnr)}: 15 to 70 dB was expected" in done.stderr
+    assert f"--quality {psnr}: 15 to 70 dB, or lossless, was expected" in done.stderr
     assert not list(tmp_path.iterdir())
 
 
-def test_motion_can_be_left_out(frames_dir: Path, tmp_path: Path) -> None:
-    chunks = {}
-    for mode in ("off", "on"):
-        target = tmp_path / f"{mode}.dgs"
-        done = dfcgs("encode", frames_dir, target, "--motion", mode, "--control-points", "stride")
-        assert done.returncode == 0, done.stderr
-        chunks[mode] = json.loads(dfcgs("info", target, "--json").stdout)["bytes_by_chunk_type"]
-    assert "MOTION" not in chunks["off"]
-    assert chunks["on"]["MOTION"] > 0
-
-
-def test_the_papers_compensation(frames_dir: Path, tmp_path: Path) -> None:
-    target = tmp_path / "paper.dgs"
-    options = ("--compensation", "paper", "--motion", "only", "--control-spacing", "10")
-    done = dfcgs("encode", frames_dir, target, *options, "--verify", "--quiet")
-    assert done.returncode == 0, done.stderr
-    info = json.loads(dfcgs("info", target, "--json").stdout)
-    assert "only/spread" in info["encoder_info"]
-    count = info["frames"][0]["num_gaussians"]
-    assert [frame["control_points"] for frame in info["frames"][1:]] == [count // 10] * (
-        len(info["frames"]) - 1
-    )
-
-
-def test_values_that_the_input_has_quantised_are_kept(tmp_path: Path) -> None:
-    cloud = real_cloud(1200)
-    rest = (np.rint(cloud.sh_rest * 8) / 8).astype(np.float32)
-    write_frames(tmp_path / "frames", [replace(cloud, sh_rest=rest)])
-    sizes = {}
-    for exact in ("auto", "off"):
-        target = tmp_path / f"{exact}.dgs"
-        done = dfcgs("encode", tmp_path / "frames", target, "--qp", "18", "--exact", exact, "--json")
-        assert done.returncode == 0, done.stderr
-        assert (json.loads(done.stdout)["errors"]["sh"]["max"] == 0.0) == (exact == "auto")
-        assert ("SH_1 (0.125)" in done.stderr) == (exact == "auto")
-        sizes[exact] = target.stat().st_size
-    assert sizes["auto"] < sizes["off"]
+def test_help_shows_what_many_need() -> None:
+    short, full = (dfcgs("encode", option).stdout for option in ("--help", "--help-all"))
+    groups = re.findall(r"^(\w[\w ]*):$", short, re.MULTILINE)
+    assert groups == ["Quality", "Time", "Input", "Output", "Help"]
+    shown = set(re.findall(r"^  (?:-\w, )?(--[a-z-]+)", short, re.MULTILINE)) - {"--help", "--help-all"}
+    assert len(shown) == 16
+    more = set(re.findall(r"^  (?:-\w, )?(--[a-z-]+)", full, re.MULTILINE)) - {"--help", "--help-all"} - shown
+    assert more == {"--psnr", "--views-margin", "--keep-unseen", "--bake-filter", "--order", "--profile"}
+    assert "--help-all" in short

@@ -41,35 +41,10 @@ def test_encode_verify_info(swaying_dir: Path, tmp_path: Path) -> None:
     assert "profile paper, model paper-1" in text
 
 
-def test_the_step_trades_bytes(swaying_dir: Path, tmp_path: Path) -> None:
-    sizes = []
-    for step in ("0.5", "1", "4"):
-        done = dfcgs(
-            "encode",
-            swaying_dir,
-            tmp_path / "o.dgs",
-            "--profile",
-            "paper",
-            "--latent-step",
-            step,
-            "--json",
-            "--force",
-        )
-        assert done.returncode == 0, done.stderr
-        sizes.append(json.loads(done.stdout)["num_bytes"])
-    assert sizes[0] > sizes[1] > sizes[2]
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--latent-step", "3"), "power of two"),
-        (("--bound", "position=0.1"), "--profile paper"),
-    ],
-)
-def test_what_cannot_be(swaying_dir: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
-    done = dfcgs("encode", swaying_dir, tmp_path / "out.dgs", "--profile", "paper", *options)
+def test_no_error_can_be_bounded(swaying_dir: Path, tmp_path: Path) -> None:
+    bound = ("--bound", "position=0.1")
+    done = dfcgs("encode", swaying_dir, tmp_path / "out.dgs", "--profile", "paper", *bound)
     assert done.returncode == 1
-    assert words in done.stderr
+    assert "--profile paper" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert not (tmp_path / "out.dgs").exists()

@@ -11,11 +11,13 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, InputError, encode_sequence, probe
 from dfcgs_codec.views.camera import Views
-from tests.helpers import dfcgs, drifting, make_cloud, write_frames
-from tests.rooms import room, viewers
+from lab.options import encoder_options
+from lab.small_clouds import drifting, make_cloud
+from lab.small_room import room, viewers
+from tests.helpers import dfcgs, write_frames
 from tests.unit.views.view_files import colmap_binary, inria, some_cameras, write_json
 
-QUICK = ("--jobs", "1", "--motion", "off", "--prior", "plain", "--balance", "off")
+QUICK = ("--jobs", "1")
 FRAMES = drifting(make_cloud(30), 2)
 
 
@@ -92,7 +94,7 @@ def test_bad_ones_that_are_named_stop_it(content: str | None, scene: Path) -> No
 
 def test_profile_paper_has_no_use_for_them(scene: Path) -> None:
     out = scene.parent / "out.dgs"
-    done = dfcgs("encode", scene, out, "--jobs", "1", "--profile", "paper", "--intra", "ply")
+    done = dfcgs("encode", scene, out, "--jobs", "1", "--profile", "paper", "--gof-size", "1")
     assert (done.returncode, done.stderr) == (0, "")
     done = dfcgs("encode", scene, out, "--force", "--profile", "paper", "--views", scene / "cameras.json")
     assert done.returncode == 1
@@ -114,10 +116,10 @@ def test_views_go_to_worker_processes(scene: Path) -> None:
 
 def test_python_reads_a_path_and_looks_for_none(scene: Path) -> None:
     out, options = scene.parent / "out.dgs", {"motion": "off", "prior": "plain", "balance": False}
-    encode_sequence(scene, out, EncoderOptions(**options))
+    encode_sequence(scene, out, encoder_options(**options))
     assert "views" not in settings(scene)
     for views in (scene, str(scene / "cameras.json"), Views(tuple(some_cameras()))):
-        held = EncoderOptions(views=views, **options)
+        held = encoder_options(views=views, **options)
         assert held.views is not None
         assert len(held.views.cameras) == 3
         encode_sequence(scene, out, held, force=True)

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("numba")
 
-from evaluation.allocation import _GRID, OCTAVES, codec_steps, compare
+from evaluation.experiments.i_frames.allocation import _GRID, OCTAVES, codec_steps, compare
 
 
 def curves(sensitivity: dict[str, float], values: dict[str, int]) -> tuple[dict, dict]:

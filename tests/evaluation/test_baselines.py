@@ -26,9 +26,9 @@ from evaluation.baselines.catalogue import METHODS
 from evaluation.baselines.delta_symbols import rotation_step
 from evaluation.baselines.frames import planned
 from evaluation.baselines.method import Method, MethodUnavailable, SequenceFacts, frame_path
-from training.scenes import SceneOptions
-from training.scenes.stress import blob_cloud
-from training.scenes.trained import trained_sequence
+from lab.scenes import SceneOptions
+from lab.scenes.stress import blob_cloud
+from lab.scenes.trained import trained_sequence
 
 ROOT = Path(__file__).parents[2]
 NUM_FRAMES = 4

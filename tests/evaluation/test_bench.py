@@ -17,10 +17,10 @@ from evaluation import bench, measure
 from evaluation.baselines.method import MethodUnavailable, SequenceFacts, frame_path
 from evaluation.measure import Rated, Subject
 from evaluation.points import Point, baseline_points, codec_point, codec_points
-from evaluation.render import orbit
 from evaluation.sequences import Sequence
-from training.scenes import SceneOptions, trained_sequence
-from training.scenes.stress import blob_cloud
+from lab.render import orbit
+from lab.scenes import SceneOptions, trained_sequence
+from lab.scenes.stress import blob_cloud
 
 NUM_FRAMES = 3
 _COPY = "import shutil, sys; shutil.copytree(sys.argv[1], sys.argv[2], dirs_exist_ok=True)"
@@ -53,7 +53,7 @@ def point(program: str, **changes: Any) -> Point:
 
 
 def test_our_own_points_give_bytes_times_and_quality(subject: Subject) -> None:
-    figures = measure.measure(subject, codec_point("dfcgs", "medium", ["--quality", "medium"], "medium"))
+    figures = measure.measure(subject, codec_point("dfcgs", "medium", {"quality": "medium"}, "medium"))
     assert 0 < figures["bytes"] < 300 * 25 * 4 * NUM_FRAMES
     assert figures["bytes_per_frame"] == figures["bytes"] / NUM_FRAMES
     assert 25 < figures["psnr"] < 60
@@ -67,7 +67,7 @@ def test_our_own_points_give_bytes_times_and_quality(subject: Subject) -> None:
 
 def test_a_finer_point_is_larger_and_better(subject: Subject) -> None:
     coarse, fine = (
-        measure.measure(subject, codec_point("dfcgs", name, ["--quality", name])) for name in ("low", "high")
+        measure.measure(subject, codec_point("dfcgs", name, {"quality": name})) for name in ("low", "high")
     )
     assert fine["bytes"] > coarse["bytes"]
     assert fine["psnr"] > coarse["psnr"] + 3
@@ -142,8 +142,8 @@ def test_methods_keep_their_order() -> None:
 
 
 def test_every_scene_has_eight_views() -> None:
-    from evaluation.views import cameras
-    from training.scenes.catalogue import group
+    from lab.scenes.catalogue import group
+    from lab.views import cameras
 
     for scene in [*group("evaluation"), *group("long")]:
         views = cameras(scene.name)
@@ -152,7 +152,7 @@ def test_every_scene_has_eight_views() -> None:
 
 
 def test_views_fill_the_image() -> None:
-    from evaluation.views import ANGLES, FILL, _fill, central_box, framing_camera
+    from lab.views import ANGLES, FILL, _fill, central_box, framing_camera
 
     box = central_box(blob_cloud(500, 0, 1)) * [1.0, 3.0, 1.0] + [5.0, 0.0, 0.0]
     corners = [[x, y, z] for x in box[:, 0] for y in box[:, 1] for z in box[:, 2]]

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from evaluation import capture_tables
-from training.scenes.catalogue import group
+from evaluation.tables import captures as capture_tables
+from lab.scenes.catalogue import group
 
 CAPTURE = group("captures")[0].name
 

@@ -17,9 +17,9 @@ from evaluation import captures, measure, points
 from evaluation.bench import PLANS, chosen_points, chosen_scenes
 from evaluation.fresh import Run
 from evaluation.measure import Rated, Subject
-from evaluation.quality import Image, true_quality
 from evaluation.sequences import materialise
-from training.scenes.catalogue import group, scene
+from lab.quality import Image, true_quality
+from lab.scenes.catalogue import group, scene
 
 NAME = group("captures")[0].name
 

@@ -11,12 +11,14 @@ import pytest
 pytest.importorskip("matplotlib")
 pytest.importorskip("bjontegaard")
 
-from evaluation import tables
 from evaluation.charts import __main__ as charts
 from evaluation.charts import bytes_chart, drift, rate_distortion, speed, style
 from evaluation.charts.speed import pareto_front
-from evaluation.results_file import curves
-from training.scenes.catalogue import group
+from evaluation.curves import curves
+from evaluation.tables import comparison, markdown, motion
+from evaluation.tables import results as page
+from lab import record
+from lab.scenes.catalogue import group
 
 PRESETS = {"low": 30.0, "medium": 36.0, "high": 43.0, "transparent": 52.0}
 
@@ -153,6 +155,13 @@ def test_the_same_figures_give_the_same_chart(tmp_path: Path, monkeypatch: pytes
     assert drawn[0] == drawn[1]
 
 
+def keep(folder: Path, monkeypatch: pytest.MonkeyPatch, **results: Any) -> None:
+    """These results, and none else, are what was measured."""
+    monkeypatch.setattr(record, "RESULTS", folder)
+    for name, found in results.items():
+        (folder / f"{name}.json").write_text(json.dumps({"results": found}))
+
+
 def test_captures_have_averages_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Half the bytes on a capture: averages over objects stay as they are."""
     cheap = scene()
@@ -160,19 +169,16 @@ def test_captures_have_averages_of_their_own(tmp_path: Path, monkeypatch: pytest
         if point["method"] == "dfcgs":
             point["bytes_per_frame"] /= 2
     found = {"bench": SCENES, "captures": {CAPTURE: cheap}}
-    monkeypatch.setattr(tables, "results", lambda name: found[name])
-    monkeypatch.setattr(tables, "has_results", lambda name: name in found)
-    lines = tables.averages().splitlines()
+    keep(tmp_path, monkeypatch, **found)
+    lines = comparison.averages().splitlines()
     assert lines[2] == "| delta, GoF 10 | 3 | -47 % | -47 % | -47 % | - |"
     below = lines[lines.index("On captures:") :]
     assert below[4] == "| delta, GoF 10 | 1 | -74 % | -74 % | -74 % | - |"
-    means = [line for line in tables.motion_table().splitlines() if "mean" in line]
+    means = [line for line in motion.motion_table().splitlines() if "mean" in line]
     assert means == ["| mean of objects | -50.0 % |  |  |  |", "| mean of captures | -75.0 % |  |  |  |"]
-    assert tables.bd_table().splitlines()[-1].startswith(f"| {CAPTURE} |")
-    assert tables.speed_table().count("| SPZ |") == 2
+    assert comparison.bd_table().splitlines()[-1].startswith(f"| {CAPTURE} |")
+    assert comparison.speed_table().count("| SPZ |") == 2
     monkeypatch.setattr(style, "CHARTS", tmp_path)
-    monkeypatch.setattr(charts, "results", lambda name: found[name])
-    monkeypatch.setattr(charts, "has_results", lambda name: name in found)
     charts.main()
     of_objects, of_capture = (
         json.loads((tmp_path / f"rate_distortion_average{suffix}.json").read_text())
@@ -190,14 +196,13 @@ def test_captures_have_averages_of_their_own(tmp_path: Path, monkeypatch: pytest
 def test_captures_that_were_not_measured_leave_no_trace(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tables, "results", lambda name: {"bench": SCENES}[name])
-    monkeypatch.setattr(tables, "has_results", lambda name: name == "bench")
-    assert "captures" not in tables.averages() + tables.speed_table() + tables.motion_table()
+    keep(tmp_path, monkeypatch, bench=SCENES)
+    assert "captures" not in comparison.averages() + comparison.speed_table() + motion.motion_table()
     partly = scene()
     partly["points"] = [p for p in partly["points"] if p["method"] == "delta_zstd"]
     monkeypatch.setattr(style, "CHARTS", tmp_path)
     speed.chart({CAPTURE: partly}, "_captures")
-    assert not list(tmp_path.iterdir())
+    assert not list(tmp_path.glob("*.svg"))
 
 
 @pytest.mark.parametrize(
@@ -205,20 +210,20 @@ def test_captures_that_were_not_measured_leave_no_trace(
     [("delta, GoF 10", "-47 %"), ("SPZ", "-75 % *"), ("raw", "lossless"), ("never run", "-")],
 )
 def test_bytes_against_a_baseline(label: str, cell: str) -> None:
-    assert tables.against(scene(), label).startswith(cell)
+    assert comparison.against(scene(), label).startswith(cell)
 
 
-def test_tables(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "results", lambda _: SCENES)
-    assert tables.averages().splitlines()[2] == "| delta, GoF 10 | 3 | -47 % | -47 % | -47 % | - |"
-    assert "| splats4d | drops SH | a, b, c |" in tables.refusal_table()
-    assert tables.bd_table().count("\n") == 2 + len(SCENES)
-    assert "43.0 dB" in tables.preset_table()
-    assert tables.motion_table().splitlines()[-1] == "| mean | -50.0 % |  |  |  |"
-    assert "| SPZ | 1.00 | 0.20 | 100 | 50 |" in tables.speed_table()
+def test_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    keep(tmp_path, monkeypatch, bench=SCENES)
+    assert comparison.averages().splitlines()[2] == "| delta, GoF 10 | 3 | -47 % | -47 % | -47 % | - |"
+    assert "| splats4d | drops SH | a, b, c |" in comparison.refusal_table()
+    assert comparison.bd_table().count("\n") == 2 + len(SCENES)
+    assert "43.0 dB" in comparison.preset_table()
+    assert motion.motion_table().splitlines()[-1] == "| mean | -50.0 % |  |  |  |"
+    assert "| SPZ | 1.00 | 0.20 | 100 | 50 |" in comparison.speed_table()
 
 
-def test_motion_is_compared_by_p_frames_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_motion_is_compared_by_p_frames_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rows = []
     for method, label, scale in (("dfcgs", "dfcgs (default)", 1), ("dfcgs_still", "dfcgs, no motion", 4)):
         for index, psnr in enumerate((40.0, 35.0, 30.0)):
@@ -236,14 +241,14 @@ def test_motion_is_compared_by_p_frames_too(monkeypatch: pytest.MonkeyPatch) -> 
                     "control_points": [0, 3, 9, 4],
                 }
             )
-    monkeypatch.setattr(tables, "results", lambda _: {"a": {"points": rows}})
-    cells = tables.motion_table().splitlines()[2].split(" | ")
+    keep(tmp_path, monkeypatch, bench={"a": {"points": rows}})
+    cells = motion.motion_table().splitlines()[2].split(" | ")
     assert cells[1] == "-33.3 %"
     assert cells[3] == "-75.0 %"
     assert cells[4] == "3 / 4 / 9 |"
 
 
-def test_table_of_ablations(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_table_of_ablations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rates = {"a": (100.0, 21.0), "b": (-50.0, 0.0)}
     found = {
         name: {
@@ -253,24 +258,25 @@ def test_table_of_ablations(monkeypatch: pytest.MonkeyPatch) -> None:
         }
         for name, (inter, file) in rates.items()
     }
-    monkeypatch.setattr(tables, "results", lambda _: found)
-    lines = tables.ablation_table().splitlines()
+    keep(tmp_path, monkeypatch, motion=found)
+    lines = motion.ablation_table().splitlines()
     assert lines[2] == "| stride | +100.0 / +21.0 % | -50.0 / +0.0 % | +0.0 / +10.0 % |"
     assert lines[3] == "| off | no overlap | no overlap | - |"
     found["b"] = {name: {**row, "bd_rate_inter": None} for name, row in found["b"].items()}
-    lines = tables.ablation_table().splitlines()
+    keep(tmp_path, monkeypatch, motion=found)
+    lines = motion.ablation_table().splitlines()
     assert lines[2] == "| stride | +100.0 / +21.0 % | - / +0.0 % | +100.0 / +10.0 % |"
 
 
-def test_table_of_compensation_rules(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_table_of_compensation_rules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     row = {
         "main": {"bytes_p": 1500, "psnr": 40.0},
         "paper": {"bytes_p": 5000, "psnr": 20.0},
         "paper_best": {"psnr": 22.5},
         "against": {"paper": {"gain": 20.0, "least_gain": 18.0}},
     }
-    monkeypatch.setattr(tables, "results", lambda _: {"a": {"num_gaussians": 9, "qp28": row}})
-    lines = tables.compensation_table().splitlines()
+    keep(tmp_path, monkeypatch, compensation={"a": {"num_gaussians": 9, "qp28": row}})
+    lines = motion.compensation_table().splitlines()
     assert lines[2] == "| a, QP 28 | main | 1.5 | 40.00 |  |"
     assert lines[3] == "| a, QP 28 | paper | 5.0 | 20.00 | +18.0 |"
     assert lines[4] == "| a, QP 28 | paper best | - | 22.50 |  |"
@@ -278,13 +284,13 @@ def test_table_of_compensation_rules(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_tables_go_between_their_marks() -> None:
     text = "a\n<!-- bd -->\nold\n<!-- end of bd -->\nb"
-    assert tables.replace_between(text, "bd", "new\n") == "a\n<!-- bd -->\nnew\n<!-- end of bd -->\nb"
+    assert markdown.replace_between(text, "bd", "new\n") == "a\n<!-- bd -->\nnew\n<!-- end of bd -->\nb"
     with pytest.raises(ValueError, match="bd"):
-        tables.replace_between("no marks", "bd", "new")
+        markdown.replace_between("no marks", "bd", "new")
 
 
 def test_the_page_has_all_marks() -> None:
-    text = tables.PAGE.read_text()
-    for name in tables.TABLES:
+    text = page.PAGE.read_text()
+    for name in page.TABLES:
         assert f"<!-- {name} -->\n" in text
         assert f"<!-- end of {name} -->" in text

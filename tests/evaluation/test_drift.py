@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("numba")
 
-from evaluation.drift import _slope, compare
+from evaluation.experiments.drift import _slope, compare
 
 
 def test_the_slope_is_per_hundred_frames() -> None:

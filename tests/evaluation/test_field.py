@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("numba")
 pytest.importorskip("bjontegaard")
 
-from evaluation import field
-from evaluation.results_file import results
+from evaluation.tables import field
+from lab.record import results
 
 #: table -> rows, and the keys of each beside the system's name
 SHAPES = {

@@ -12,11 +12,12 @@ import pytest
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
 from dfcgs_codec.encoder import segment
 from dfcgs_codec.encoder.identity import Members, Succession, found_members
-from evaluation import identity, lost_order
+from evaluation.experiments import identity, lost_order
+from evaluation.tables import robustness
+from lab.scenes import SceneOptions, trained_sequence
+from lab.scenes.catalogue import group, scene
+from lab.scenes.tracked import drifting
 from tests.helpers import FIELDS, real_cloud
-from training.scenes import SceneOptions, trained_sequence
-from training.scenes.catalogue import group, scene
-from training.scenes.tracked import drifting
 
 Frames = list[tuple[GaussianCloud, npt.NDArray[np.int64]]]
 COUNT = 1500
@@ -209,9 +210,6 @@ class TestCoded:
 
 
 def test_tables_of_identity(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("bjontegaard", reason="other tables need it, from the eval extra")
-    from evaluation import tables
-
     score = identity.Score(1000, 1000, 999, 0.5, 250)
     recovered = {"num_gaussians": 1010, **identity.summary([score])}
     nobody = {"num_gaussians": 1010, **identity.summary([identity.Score(0, 0, 0, 0.1, 0)])}
@@ -219,9 +217,9 @@ def test_tables_of_identity(monkeypatch: pytest.MonkeyPatch) -> None:
     coded = {"num_gaussians": 1010, "lost": run, "in_order": run, "told_bytes": 800}
     coded |= {"without_turnover": None, "ratio_to_in_order": 1.0, "ratio_to_told": 1.125}
     scenes = {"a": {"own": recovered, "coded": coded}, "b": {"own": nobody}}
-    monkeypatch.setattr(tables, "results", lambda _: scenes)
-    first, second = tables.identity_table().splitlines()[2:]
+    monkeypatch.setattr(robustness, "results", lambda _: scenes)
+    first, second = robustness.identity_table().splitlines()[2:]
     assert first == "| a | own | 1010 | 1 of 1 | 99.9000 % | 99.9000 % | 99.9000 % | 25.0 % | 0.50 |"
     assert second == "| b | own | 1010 | 0 of 1 | - | - | - | - | 0.10 |"
-    (only,) = tables.lost_order_table().splitlines()[2:]
+    (only,) = robustness.lost_order_table().splitlines()[2:]
     assert only == "| a | 1010 | - | 900 | 800 | 900 | 1.0000 | 1.1250 | 1.50 |"

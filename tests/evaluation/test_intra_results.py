@@ -7,7 +7,9 @@ pytest.importorskip("bjontegaard")
 pytest.importorskip("zstandard")
 
 from dfcgs_codec import EncoderOptions
-from evaluation import intra, intra_tables, quantised_input
+from evaluation.experiments.i_frames import intra, quantised_input
+from evaluation.tables import intra as intra_tables
+from lab.options import encoder_options
 
 
 def test_a_part_has_at_most_so_many_gaussians() -> None:
@@ -29,22 +31,16 @@ def test_curves_differ_in_their_options_only() -> None:
     assert np.unique([point.method for point in points.values()]).tolist() == ["dfcgs_intra"]
 
 
-def test_tables_of_quantised_inputs_and_refreshes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_table_of_quantised_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
     point = {"qp": 18, "bytes": 300, "psnr": 52.14, "is_kept": True, "ratio": 0.62}
     points = [point, point | {"qp": 8, "ratio": None}, point | {"qp": 34, "is_kept": False}]
-    curves = {"none": [{"psnr": 30.0 + k, "psnr_worst_frame": 29.0 + k} for k in range(3)]}
-    found = {
-        "quantised_input": {"a": {"spz_bytes": 400, "auto": points}},
-        "refresh": {"b": {"curves": curves, "summary": {"none": {"ratio_to_none": 1.0, "seek": 31.0}}}},
-    }
+    found = {"quantised_input": {"a": {"spz_bytes": 400, "auto": points}}}
     monkeypatch.setattr(intra_tables, "results", found.__getitem__)
     rows = intra_tables.quantised_table().splitlines()[2:]
     assert rows == [
         "| a | 18 | 52.1 dB | 0.75 | -38 % |",
         "| a | 8 | 52.1 dB | 0.75 | beyond its reach |",
     ]
-    (row,) = intra_tables.refresh_table().splitlines()[2:]
-    assert row == "| b | none | 1.00 | 31.0 dB, worst 30.0 | 31 |"
 
 
 def test_an_input_that_spz_has_quantised_is_found() -> None:
@@ -53,7 +49,7 @@ def test_an_input_that_spz_has_quantised_is_found() -> None:
     size, cloud = quantised_input.quantised(splat.cloud().take(np.arange(0, 31_000, 16)))
     assert size > 10_000
     exact, notes, _ = quantised_input.coded(cloud, EncoderOptions(qp=16))
-    anew, none, _ = quantised_input.coded(cloud, EncoderOptions(qp=16, exact=False))
+    anew, none, _ = quantised_input.coded(cloud, encoder_options(qp=16, exact=False))
     assert any("SH_2 (0.125)" in note for note in notes)
     assert not none
     assert exact < anew

@@ -5,8 +5,8 @@ import pytest
 pytest.importorskip("bjontegaard")
 pytest.importorskip("numba")
 
-from evaluation import tables
-from evaluation.long_smooth import points, ratios
+from evaluation.experiments.long_smooth import points, ratios
+from evaluation.tables import motion
 
 
 def rows(label: str, setting: str, scale: float) -> list[dict[str, object]]:
@@ -36,5 +36,5 @@ def test_both_methods_are_swept_at_both_gof_sizes() -> None:
 
 
 def test_table(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "results", lambda _: {"a": {"ratios": {"delta, GoF 10": 0.254}}})
-    assert tables.long_smooth_table().splitlines()[2] == "| a | 0.25 |"
+    monkeypatch.setattr(motion, "results", lambda _: {"a": {"ratios": {"delta, GoF 10": 0.254}}})
+    assert motion.long_smooth_table().splitlines()[2] == "| a | 0.25 |"

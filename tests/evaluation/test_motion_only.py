@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,15 +9,18 @@ import pytest
 pytest.importorskip("bjontegaard")
 pytest.importorskip("numba")
 
-from evaluation import compensation
-from evaluation.compensation import measure, scenes
-from evaluation.quality import image
-from evaluation.render import look_at
+from evaluation.experiments.paper import compensation
+from evaluation.experiments.paper.compensation import measure, scenes
+from lab.options import encoder_options
+from lab.quality import image
+from lab.render import look_at
 from tests.helpers import real_cloud, waving
 
 
 def test_settings_are_compared_frame_by_frame(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    settings = {name: replace(options, control_spacing=20) for name, options in compensation.SETTINGS.items()}
+    settings = {
+        name: encoder_options(options, control_spacing=20) for name, options in compensation.SETTINGS.items()
+    }
     monkeypatch.setattr(compensation, "SETTINGS", settings)
     cloud = real_cloud(1500)
     frames = [waving(cloud, 0.04 * index) for index in range(3)]

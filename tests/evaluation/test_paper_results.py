@@ -7,10 +7,10 @@ import pytest
 pytest.importorskip("numba")
 pytest.importorskip("bjontegaard")
 
-from evaluation import paper_tables
-from evaluation.paper_profile import ALLOWANCE, SETTINGS, least_gain
-from evaluation.results_file import results
-from training.scenes.catalogue import group
+from evaluation.experiments.paper.profile import ALLOWANCE, SETTINGS, least_gain
+from evaluation.tables import paper as paper_tables
+from lab.record import results
+from lab.scenes.catalogue import group
 
 
 def test_the_least_gain_is_that_of_the_worst_frame() -> None:

@@ -14,17 +14,18 @@ pytest.importorskip("numba", reason="the renderer is compiled by numba, from the
 
 from dfcgs_codec import EncoderOptions
 from dfcgs_codec.ply import write_ply
-from evaluation import measure, promise, record
+from evaluation import measure, promise
 from evaluation.baselines.method import SequenceFacts, frame_path
-from evaluation.capture_files import cameras_file, true_images
 from evaluation.measure import Rated, Subject
-from evaluation.render import orbit
 from evaluation.sequences import Sequence
-from evaluation.views import cameras
-from training.captures import keep
-from training.scenes import SceneOptions, trained_sequence
-from training.scenes.catalogue import group, is_capture
-from training.scenes.stress import blob_cloud
+from lab import record
+from lab.captures import keep
+from lab.captures.files import cameras_file, true_images
+from lab.render import orbit
+from lab.scenes import SceneOptions, trained_sequence
+from lab.scenes.catalogue import group, is_capture
+from lab.scenes.stress import blob_cloud
+from lab.views import cameras
 
 VIEWS = [orbit((0, 0, 0), 4.0, (angle, 20.0), (64, 48)) for angle in (0.0, 120.0)]
 
@@ -68,7 +69,6 @@ def test_rows_of_other_scenes_and_presets_stay(
     tmp_path: Path, subject: Subject, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(record, "RESULTS", tmp_path)
-    monkeypatch.setattr("evaluation.bench.RESULTS", tmp_path)
     monkeypatch.setattr(
         promise, "subject_of", lambda scene, _: replace(subject, sequence=replace(subject.sequence, name="b"))
     )

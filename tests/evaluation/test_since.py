@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("bjontegaard")
 
-from evaluation.since import gains
+from evaluation.experiments.since import gains
 
 
 def scene(factor: float) -> dict:

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 
 from evaluation.stress import Case, all_cases, failures, row, run_case
-from training.scenes import STRESS, SceneOptions, stress_sequence
+from lab.scenes import STRESS, SceneOptions, stress_sequence
 
 
 def tiny(name: str) -> Case:

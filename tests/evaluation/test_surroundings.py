@@ -6,12 +6,13 @@ import pytest
 pytest.importorskip("bjontegaard")
 pytest.importorskip("numba")
 
-from evaluation import intra_tables, surroundings
+from evaluation.experiments.i_frames import surroundings
+from evaluation.tables import intra as intra_tables
+from lab.scenes import SURROUNDINGS
+from lab.scenes.fields import scene_size
+from lab.scenes.rotations import to_matrices
+from lab.scenes.surroundings import ROOM_SIZE, in_a_room
 from tests.helpers import FIELDS, real_cloud
-from training.scenes import SURROUNDINGS
-from training.scenes.fields import scene_size
-from training.scenes.rotations import to_matrices
-from training.scenes.surroundings import ROOM_SIZE, in_a_room
 
 
 @pytest.mark.parametrize("name", SURROUNDINGS)

@@ -10,12 +10,12 @@ torch = pytest.importorskip("torch", reason="training needs torch, from the trai
 from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence  # noqa: E402
 from dfcgs_codec.bitstream.constants import OutputOrder, Profile  # noqa: E402
 from dfcgs_codec.errors import InputError  # noqa: E402
+from lab.scenes.catalogue import group  # noqa: E402
 from tests.training.paper_helpers import moving_clouds, small_gof  # noqa: E402
 from training.paper.config import HELD_BACK  # noqa: E402
 from training.paper.data import Data  # noqa: E402
 from training.paper.gof import Gof, normalisation  # noqa: E402
 from training.paper.prepare import Layout, choices, prepare_gof, training_scenes  # noqa: E402
-from training.scenes.catalogue import group  # noqa: E402
 
 EVALUATED = ("evaluation", "long", "captures")
 

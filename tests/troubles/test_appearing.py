@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec import GaussianCloud, decode_sequence, encode_sequence
+from lab.options import encoder_options
 from tests.helpers import drifting, real_cloud
 
 NUM_FRAMES = 4
@@ -23,7 +24,7 @@ def appearing(cloud: GaussianCloud, dimmed: tuple[float, ...], share: float = 0.
 
 def coded(frames: list[GaussianCloud], target: Path, **options: object) -> tuple[str, float]:
     """Kinds of frames, and error of colours in the last one, weighted by how much each shows."""
-    report = encode_sequence(frames, target, EncoderOptions(qp=18, order="input", **options), force=True)
+    report = encode_sequence(frames, target, encoder_options(qp=18, order="input", **options), force=True)
     *_, last = decode_sequence(target)
     shown = 1 / (1 + np.exp(-frames[-1].opacities.astype(np.float64)))
     size = np.exp(np.sort(frames[-1].scales, axis=1)[:, 1:].sum(axis=1))

@@ -5,83 +5,29 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
 import pytest
 
-from dfcgs_codec import DecoderLimits, DfcgsError, EncoderOptions, ResourceLimit
-from dfcgs_codec.bitstream.constants import ControlRule, IntraKind
+from dfcgs_codec import DecoderLimits, DfcgsError, ResourceLimit
+from dfcgs_codec.bitstream.constants import ControlRule
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
-from dfcgs_codec.bitstream.motion_header import SpreadHeader
-from dfcgs_codec.bitstream.sequence_header import FrameNumbers
 from dfcgs_codec.codec.decoder import SequenceDecoder
-from tests.helpers import join_chunks, make_cloud, split_chunks
-from tests.troubles.bombs import (
+from lab.bombs import (
+    BOMBS,
     FRESH,
     MOST_BYTES,
-    Kind,
-    alike,
     encoded,
     file_of_alike,
-    lattice,
-    repeated,
-    with_header,
     with_intra,
 )
+from tests.helpers import make_cloud
 from tests.troubles.situations import run
 
 MOST_MIB = 300
 #: 2 s of an idle core are the aim; what a loaded machine adds to them is not the file's fault
 MOST_SECONDS = 2.0 * 3
-
-
-def many_frames() -> bytes:
-    """The longest sequence that the last level allows, announced by a file of one Gaussian."""
-    return with_header(encoded(make_cloud(1)), level=3, frame_numbers=FrameNumbers(((0, 1 << 20),)))
-
-
-def many_gofs() -> bytes:
-    """The same I-frame again and again."""
-    data = encoded(alike(20_000))
-    chunks = split_chunks(data)
-    count = MOST_BYTES // (len(chunks[-1].payload) + 15) - 1
-    data = with_header(data, frame_numbers=FrameNumbers(((0, count),)))
-    header = split_chunks(data)[0]
-    intra = next(c for c in chunks if c.chunk_type == 0x10)
-    return join_chunks([header, *(replace(intra, frame_index=i) for i in range(count))])
-
-
-def claimed(count: int, **changes: object) -> bytes:
-    """So many Gaussians in empty streams."""
-    return with_intra(with_header(encoded(make_cloud(40)), level=3), num_gaussians=count, **changes)
-
-
-#: name: file, and the errors that it may end with, "" where its frames come out
-BOMBS: dict[str, tuple[Callable[[], bytes], set[str]]] = {
-    "a million frames": (many_frames, {"CorruptBitstream"}),
-    "16 million Gaussians": (lambda: claimed(1 << 24), {"ResourceLimit"}),
-    "as many as are let in": (lambda: file_of_alike(60_000), {""}),
-    "verbatim, SH degree 2": (lambda: encoded(alike(30_000, 2), EncoderOptions(intra=IntraKind.PLY)), {""}),
-    "many groups of frames": (many_gofs, {"ResourceLimit"}),
-    "frames that repeat": (lambda: repeated(file_of_alike(60_000), Kind(), 150), {"ResourceLimit"}),
-    "control points": (
-        lambda: repeated(encoded(lattice(3000), EncoderOptions(control_spacing=1)), Kind(motion=True), 15),
-        {"", "ResourceLimit"},
-    ),
-    "control points that spread": (
-        lambda: repeated(
-            encoded(lattice(2000), EncoderOptions(control_spacing=2)),
-            Kind(motion=True, spread=SpreadHeader(128, 0)),
-            15,
-        ),
-        {"", "ResourceLimit"},
-    ),
-    "residuals": (lambda: repeated(encoded(alike(300, 1)), Kind(residual=True), 25), {"", "ResourceLimit"}),
-    "new Gaussians": (lambda: repeated(file_of_alike(2000), Kind(births=2000), 25), {"", "ResourceLimit"}),
-}
 
 
 @pytest.mark.parametrize("name", BOMBS)

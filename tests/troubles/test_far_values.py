@@ -11,7 +11,6 @@ import pytest
 
 from dfcgs_codec import (
     Bound,
-    EncoderOptions,
     GaussianCloud,
     InputError,
     decode_sequence,
@@ -19,6 +18,7 @@ from dfcgs_codec import (
 )
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
 from dfcgs_codec.encoder.report import EncodeReport
+from lab.options import encoder_options
 from tests.helpers import FIELDS, drifting, make_cloud, real_cloud, still
 
 INPUT = OutputOrder.INPUT
@@ -29,7 +29,7 @@ def coded(
     frames: list[GaussianCloud], tmp_path: Path, **options: object
 ) -> tuple[EncodeReport, list[GaussianCloud]]:
     target = tmp_path / "a.dgs"
-    report = encode_sequence(frames, target, EncoderOptions(order=INPUT, **options), force=True)
+    report = encode_sequence(frames, target, encoder_options(order=INPUT, **options), force=True)
     return report, [frame.cloud() for frame in decode_sequence(target)]
 
 

@@ -19,6 +19,7 @@ from dfcgs_codec import EncoderOptions, InputError, InputPolicy, encode_sequence
 from dfcgs_codec.cli import cli
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.spelling import PYTHON, command_line, in_python
+from lab.options import encoder_options
 from tests.helpers import drifting, make_cloud, write_frames
 from tests.troubles.situations import encode, sequence
 
@@ -88,9 +89,8 @@ def test_every_phrase_begins_with_an_option() -> None:
 PHRASES = {
     "--qp 99: 0 to 51 was expected": "qp 99: 0 to 51 was expected",
     "choose coarser steps (a higher --qp or --bound)": "choose coarser steps (a higher qp or bounds)",
-    "--balance auto needs --steps visibility": "balance=True needs visibility=True",
-    "--psnr 99: 15 to 70 dB": "quality 99: 15 to 70 dB",
-    "--exact off codes them anew; '--force'": "exact=False codes them anew; 'force=True'",
+    "--quality 99: 15 to 70 dB": "quality 99: 15 to 70 dB",
+    "--qp with --quality lossless; '--force'": "qp with quality=\"lossless\"; 'force=True'",
     "--fps 0, --gof-size 0.": "frame_rate 0, gof_size 0.",
     "--pattern 'a_*.ply' takes all, or --order-by name": (
         "open_folder(..., pattern='a_*.ply') takes all, or open_folder(..., order_by='name')"
@@ -142,7 +142,7 @@ SITUATIONS: dict[str, tuple[Callable[[Path], Any], str]] = {
         lambda folder: encode_sequence(spoilt(), folder / "a.dgs", EncoderOptions(bounds={"rotation": 1e-9})),
         "bounds rotation: the tightest",
     ),
-    "another profile": (lambda folder: EncoderOptions(profile="paper", motion="off"), 'profile="main"'),
+    "another profile": (lambda folder: encoder_options(profile="paper", motion="off"), 'profile="main"'),
 }
 
 
@@ -169,17 +169,5 @@ def test_the_command_line_speaks_of_its_options(tmp_path: Path) -> None:
     done = encode(frames, tmp_path / "a.dgs")
     assert done.code == 1
     assert "--allow-gaps encodes the others" in done.err
-    done = encode(frames, tmp_path / "a.dgs", "--psnr", "99")
-    assert "--psnr 99.0: 15 to 70 dB was expected" in done.err
-
-
-def quantised() -> list[GaussianCloud]:
-    cloud = make_cloud(800, 1)
-    return [dataclasses.replace(cloud, sh_rest=(np.rint(cloud.sh_rest * 8) / 8).astype(np.float32))]
-
-
-def test_notes_too(tmp_path: Path) -> None:
-    report = encode_sequence(quantised(), tmp_path / "a.dgs", EncoderOptions(qp=10))
-    assert any("exact=False codes them anew" in note for note in report.notes)
-    done = encode(write_frames(tmp_path / "frames", quantised()), tmp_path / "b.dgs", "--qp", "10")
-    assert "--exact off codes them anew" in done.err
+    done = encode(frames, tmp_path / "a.dgs", "--quality", "99")
+    assert "--quality 99: 15 to 70 dB, or lossless, was expected" in done.err

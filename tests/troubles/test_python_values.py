@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from decimal import Decimal
@@ -25,12 +26,13 @@ from dfcgs_codec import (
     probe,
 )
 from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder, Profile
-from dfcgs_codec.encoder.options import MotionMode, RefinementMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
+from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
+from lab.options import encoder_options
 from tests.helpers import FIELDS, drifting, make_cloud, write_frames
 
 FRAMES = drifting(make_cloud(30, 1), 3)
-QUICK = EncoderOptions(motion="off", prior="plain", balance=False)
+QUICK = encoder_options(motion="off", prior="plain", balance=False)
 RATE = "a frame rate such as 30, 29.97"
 
 
@@ -67,6 +69,7 @@ TAKEN: list[tuple[str, Any, Any]] = [
     ("quality", "high", 42.0),
     ("quality", "LOW", 32.0),
     ("quality", np.float32(40), 40.0),
+    ("quality", "lossless", math.inf),
     ("gof_size", np.uint8(9), 9),
     ("gof_size", 9.0, 9),
     ("gof_size", "auto", None),
@@ -99,10 +102,10 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("bounds", {0: 0.1}, "known are position"),
     ("qp", "28", "a number, or None"),
     ("qp", "high", 'a quality has its own option: quality="high"'),
-    ("quality", "best", 'a number or one of "low", "medium", "high", "transparent"'),
+    ("quality", "best", 'a number or one of "low", "medium", "high", "transparent", "lossless"'),
     ("quality", None, "found None (NoneType)"),
     ("quality", True, "found True (bool)"),
-    ("quality", 99, "quality 99.0: 15 to 70 dB was expected"),
+    ("quality", 99, "quality 99: 15 to 70 dB, or lossless, was expected"),
     ("qp", True, "found True (bool)"),
     ("qp", [28], "found [28] (list)"),
     ("qp", np.array([28]), "found array([28]) (ndarray)"),
@@ -131,7 +134,8 @@ REFUSED: list[tuple[str, Any, str]] = [
 
 @pytest.mark.parametrize(("name", "given", "held"), TAKEN)
 def test_options_are_taken(name: str, given: Any, held: Any) -> None:
-    found = getattr(EncoderOptions(**{name: given}), name)
+    options = encoder_options(**{name: given})
+    found = getattr(options if hasattr(options, name) else options.tuning, name)
     assert found == held
     assert type(found) is type(held)
 
@@ -139,7 +143,7 @@ def test_options_are_taken(name: str, given: Any, held: Any) -> None:
 @pytest.mark.parametrize(("name", "given", "expected"), REFUSED)
 def test_options_are_refused(name: str, given: Any, expected: str) -> None:
     with pytest.raises(InputError) as caught:
-        EncoderOptions(**{name: given})
+        encoder_options(**{name: given})
     assert expected in str(caught.value)
     assert name in str(caught.value) or name == "bounds"
     assert "--" not in str(caught.value)
@@ -150,8 +154,10 @@ def test_jobs_of_none_are_all_cores() -> None:
 
 
 def test_options_given_in_words_code_the_same(tmp_path: Path) -> None:
-    words = EncoderOptions(order="input", motion="off", prior="plain", frame_rate="29.97", bounds={"sh": 0.1})
-    members = EncoderOptions(
+    words = encoder_options(
+        order="input", motion="off", prior="plain", frame_rate="29.97", bounds={"sh": 0.1}
+    )
+    members = encoder_options(
         order=OutputOrder.INPUT,
         motion=MotionMode.OFF,
         prior=PriorMode.PLAIN,

@@ -23,6 +23,7 @@ MISTYPED: dict[str, tuple[str, ...]] = {
     "encode frames out.dgs --bound position": ("--bound", "position=0.001"),
     "encode frames out.dgs --gof-size many": ("--gof-size", "neither auto nor a number"),
     "encode frames out.dgs --quality best": ("--quality", "transparent"),
+    "encode frames out.dgs --motion off": ("--motion", "'dfcgs encode --help'"),
     "encode frames out.dgs --quality": ("--quality", "argument"),
     "encode frames out.dgs --jobs all": ("--jobs", "all"),
     "decode frames/f.dgs out --frames 3:1": ("--frames", "A:B is frame A up to, not with, frame B"),
@@ -38,7 +39,10 @@ OUT_OF_RANGE: dict[str, str] = {
     "--bound x=1": "--bound x: unknown; known are position",
     "--bound position=0": "a bound is a number above 0",
     "--jobs 0": "--jobs 0: 1 or more",
-    "--control-spacing 0": "--control-spacing 0: 1 or more",
+    "--quality 99": "--quality 99: 15 to 70 dB, or lossless",
+    "--psnr 14": "--quality 14: 15 to 70 dB, or lossless",
+    "--quality lossless --qp 9": "--qp with --quality lossless: choose one",
+    "--quality lossless --gof-size 9": "--gof-size 9 with --quality lossless: P-frames are quantised",
 }
 
 

@@ -18,6 +18,7 @@ from dfcgs_codec.bitstream.constants import MAX_THIN_OCTAVES, Attribute, IntraKi
 from dfcgs_codec.codec.visibility import MULTIPLIERS
 from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.sequence import MemorySource, open_folder
+from lab.options import encoder_options
 from tests.helpers import (
     FIELDS,
     all_changing,
@@ -46,7 +47,7 @@ from tests.helpers import (
 
 INPUT, SEQUENCE, FREE = OutputOrder.INPUT, OutputOrder.SEQUENCE, OutputOrder.FREE
 #: index by index comparable with the input
-PLAIN = EncoderOptions(order=INPUT, visibility=False)
+PLAIN = encoder_options(order=INPUT, visibility=False)
 
 SEQUENCES: dict[str, Callable[[], list[GaussianCloud]]] = {
     "one Gaussian": lambda: drifting(make_cloud(1, 1), 4),
@@ -82,7 +83,7 @@ def steps_of(frames: list[GaussianCloud], options: EncoderOptions) -> dict[Attri
         Attribute.ROTATION: -18,
         Attribute.OPACITY: units.opacity,
     }
-    coarser = MULTIPLIERS[-1] / MULTIPLIERS[0] if options.visibility else 1.0
+    coarser = MULTIPLIERS[-1] / MULTIPLIERS[0] if options.tuning.visibility else 1.0
     steps = {a: max(step, plan.quantisation.intra_steps[a]) for a, step in steps.items()}
     if plan.quantisation.follows_visibility:
         # a thin axis: the error of how thin it is, companded, and that of axis 1
@@ -135,7 +136,7 @@ def test_decoder_and_encoder_agree(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("visibility", [True, False])
 def test_input_order_matches_the_input_index_by_index(name: str, visibility: bool, tmp_path: Path) -> None:
     frames = SEQUENCES[name]()
-    options = EncoderOptions(order=INPUT, gof_size=2, visibility=visibility)
+    options = encoder_options(order=INPUT, gof_size=2, visibility=visibility)
     steps = steps_of(frames, options)
     for source, decoded in zip(frames, round_trip(frames, tmp_path / "a.dgs", options), strict=True):
         check_close(source, decoded, steps)
@@ -144,7 +145,7 @@ def test_input_order_matches_the_input_index_by_index(name: str, visibility: boo
 @pytest.mark.parametrize("name", ["33 Gaussians", "trained", "untracked", "lost order", "changed count"])
 def test_free_order_holds_the_same_gaussians(name: str, tmp_path: Path) -> None:
     frames = SEQUENCES[name]()
-    options = EncoderOptions(order=FREE, visibility=False)
+    options = encoder_options(order=FREE, visibility=False)
     steps = steps_of(frames, options)
     for source, decoded in zip(frames, round_trip(frames, tmp_path / "a.dgs", options), strict=True):
         check_close(source.take(match(source, decoded)), decoded, steps)
@@ -267,7 +268,7 @@ def test_renamed_gaussians_have_the_same_covariance(tmp_path: Path) -> None:
 @pytest.mark.parametrize("intra", IntraKind)
 def test_identical_frames_cost_64_bytes_at_most(name: str, intra: IntraKind, tmp_path: Path) -> None:
     frames = still(SEQUENCES[name]()[0], 5)
-    report = encode(frames, tmp_path / "a.dgs", EncoderOptions(intra=intra))
+    report = encode(frames, tmp_path / "a.dgs", encoder_options(intra=intra))
     assert [frame.kind for frame in report.frames] == ["I"] + ["skip"] * 4
     assert max(frame.num_bytes for frame in report.frames[1:]) <= 64
     decoded = [frame.cloud() for frame in decode(tmp_path / "a.dgs")]
@@ -336,7 +337,7 @@ BOUNDS = [
 @pytest.mark.parametrize("intra", IntraKind)
 def test_bounds_hold_on_the_decoded_values(name: str, value: float, intra: IntraKind, tmp_path: Path) -> None:
     frames = all_changing(make_cloud(200, 1), 4, seed=11) + drifting(make_cloud(60, 1), 2)
-    options = EncoderOptions(order=INPUT, bounds=(Bound(name, value),), intra=intra, gof_size=3)
+    options = encoder_options(order=INPUT, bounds=(Bound(name, value),), intra=intra, gof_size=3)
     decoded = round_trip(frames, tmp_path / "a.dgs", options)
     found = [measured(source, cloud)[name] for source, cloud in zip(frames, decoded, strict=True)]
     assert max(found) <= value
@@ -482,7 +483,7 @@ def test_frames_come_one_by_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize("order", [SEQUENCE, INPUT])
 def test_ply_i_frames_are_lossless(degree: int, order: OutputOrder, tmp_path: Path) -> None:
     frames = [make_cloud(60, degree, seed) for seed in range(3)]
-    options = EncoderOptions(intra=IntraKind.PLY, order=order, gof_size=1)
+    options = encoder_options(intra=IntraKind.PLY, order=order, gof_size=1)
     for source, decoded in zip(frames, round_trip(frames, tmp_path / "a.dgs", options), strict=True):
         index = np.arange(60) if order == INPUT else match(source, decoded)
         assert same_cloud(decoded, source.take(index))
@@ -494,13 +495,13 @@ def test_ply_i_frames_keep_signed_zeros_and_denormals(tmp_path: Path) -> None:
     cloud = replace(
         cloud, opacities=special, sh_rest=np.broadcast_to(special[:, None, None], (4, 3, 3)).copy()
     )
-    options = EncoderOptions(intra=IntraKind.PLY, order=INPUT)
+    options = encoder_options(intra=IntraKind.PLY, order=INPUT)
     assert same_cloud(round_trip([cloud], tmp_path / "a.dgs", options)[0], cloud)
 
 
 def test_p_frames_after_a_ply_i_frame_stay_close(tmp_path: Path) -> None:
     frames = all_changing(make_cloud(100, 1), 4)
-    options = replace(PLAIN, intra=IntraKind.PLY)
+    options = encoder_options(PLAIN, intra=IntraKind.PLY)
     decoded = round_trip(frames, tmp_path / "a.dgs", options)
     assert same_cloud(decoded[0], frames[0])
     for source, cloud in zip(frames, decoded, strict=True):
@@ -591,7 +592,7 @@ def check_coded_or_refused(frames: list[GaussianCloud], path: Path, options: Enc
 @pytest.mark.parametrize("name", EXTREMES)
 @pytest.mark.parametrize("intra", IntraKind)
 def test_extremes_are_coded_or_refused(name: str, intra: IntraKind, tmp_path: Path) -> None:
-    check_coded_or_refused(still(EXTREMES[name], 2), tmp_path / "a.dgs", replace(PLAIN, intra=intra))
+    check_coded_or_refused(still(EXTREMES[name], 2), tmp_path / "a.dgs", encoder_options(PLAIN, intra=intra))
 
 
 @pytest.mark.parametrize("factor", [1e2, 1e4, 1e8, 1e20])

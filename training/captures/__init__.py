@@ -10,18 +10,11 @@ room, which is rendered as textured triangles.
                    in 3DGS (Kerbl et al. 2023); what this leaves of floaters and huge Gaussians stays
     later frames   positions and rotations only, as `training.fitting.track` finds them
 
-rooms       pieces of `assets/rooms` and their places
-mesh        rooms and characters as triangles
-raster      which triangle a pixel shows
-picture     its colour: texture, lamp, highlight
-rigs        the cameras of the fit, and those between them
-captures    the captures by name; their true images
 start       the first, random Gaussians
 densify     clone, split, prune, reset
 optimise    frame 0, with checkpoints
-fit         all of it in turn, into the file of `training.scenes.fitted`
-keep        what lies beside that file: `cameras.json` and the true images between the cameras
+fit         all of it in turn, into the file of `lab.scenes.fitted`
 
-The fit is reproducible on one machine, not to the bit on another, hence the stored file is the sequence by
-definition.
+The rooms, their images and their cameras are those of `lab.captures`. The fit is reproducible on one machine,
+not to the bit on another, hence the stored file is the sequence by definition.
 """

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfcgs_codec.errors import InputError
-from training.captures.captures import CAPTURES, FOLDER
+from lab.assets import STORED
+from lab.captures.captures import CAPTURES
 from training.captures.fit import fit_capture
 
 
@@ -20,7 +21,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"default all: {', '.join(CAPTURES)}")
     parser.add_argument("--frames", type=int, default=20, help="how many a file has in the end, default 20")
-    parser.add_argument("--out", type=Path, default=FOLDER, help="folder of the files, default assets/fitted")
+    parser.add_argument("--out", type=Path, default=STORED, help="folder of the files, default assets/fitted")
     return parser
 
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from evaluation.render import Camera, CloudGradient
+from lab.render import Camera, CloudGradient
+from lab.scenes import rotations
 from training.fitting.adam import Adam
-from training.scenes import rotations
 
 Float32 = npt.NDArray[np.float32]
 Bool = npt.NDArray[np.bool_]

@@ -11,16 +11,17 @@ from typing import Any
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
-from training.captures import keep
-from training.captures.captures import Capture, true_views
+from lab.captures import keep
+from lab.captures.captures import Capture, true_views
+from lab.captures.rigs import evaluation_cameras, fitting_cameras
+from lab.render import View
+from lab.scenes.fitted import fitted_sequence, read_about, stepped
 from training.captures.optimise import Progress, optimise
-from training.captures.rigs import evaluation_cameras, fitting_cameras
 from training.captures.start import random_cloud
 from training.fitting import store
-from training.fitting.capture import View, psnr
+from training.fitting.capture import psnr
 from training.fitting.report import Row, motion
 from training.fitting.track import track
-from training.scenes.fitted import fitted_sequence, read_about, stepped
 
 
 def source(capture: Capture) -> dict[str, Any]:

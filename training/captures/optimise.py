@@ -12,10 +12,10 @@ import numpy as np
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
-from training.captures.captures import Capture
+from lab.captures.captures import Capture
+from lab.render import View
 from training.captures.densify import Pull, densify, reset_opacities
 from training.fitting.adam import Adam, decayed
-from training.fitting.capture import View
 from training.fitting.first import RATES
 from training.fitting.loss import loss_gradient
 

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
-from evaluation.render import Camera
-from training.captures.captures import Capture
-from training.scenes.asset import Float64
+from lab.captures.captures import Capture
+from lab.meshes.asset import Float64
+from lab.render import Camera
 
 #: nearest and farthest first point, shares of the rig's distance to its target
 DEPTHS = (0.3, 2.5)

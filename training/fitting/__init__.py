@@ -20,10 +20,10 @@ first       frame 0
 activity    which Gaussians move
 deform      the smooth field by which they move
 track       later frames
-store       the file; `training.scenes.fitted` reads it without numba
+store       the file; `lab.scenes.fitted` reads it without numba
 fit         all of it in turn, into the file; continues a file that is there
 report      quality and statistics per frame: `evaluation/results/fitted.json`
 
-The fit is reproducible on one machine, not to the bit on another (see `evaluation.render.kernel`), hence the
+The fit is reproducible on one machine, not to the bit on another (see `lab.render.kernel`), hence the
 stored file is the sequence by definition.
 """

@@ -8,9 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfcgs_codec.errors import InputError
+from lab.assets import STORED
+from lab.record import known_results
 from training.fitting.fit import fit_sequence
-from training.fitting.report import earlier_results, write_report
-from training.fitting.sequences import FITTED, FOLDER
+from training.fitting.report import RESULT, write_report
+from training.fitting.sequences import FITTED
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -30,8 +32,8 @@ def build_parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; 0 when done, 1 for bad input."""
     args = build_parser().parse_args(arguments)
-    path = args.out or FOLDER / f"{args.name}.zip"
-    earlier = earlier_results().get(args.name, {"frames": []})["frames"] if args.out is None else []
+    path = args.out or STORED / f"{args.name}.zip"
+    earlier = known_results(RESULT).get(args.name, {"frames": []})["frames"] if args.out is None else []
     rows = []
     try:
         for row in fit_sequence(FITTED[args.name], args.frames, path, [r["seconds"] for r in earlier]):

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.gaussians import GaussianCloud
-from evaluation.render import render, render_backward
-from training.fitting.capture import SH_C0, View, painted
+from lab.render import View, render, render_backward
+from training.fitting.capture import SH_C0, painted
 
 Float32 = npt.NDArray[np.float32]
 Int64 = npt.NDArray[np.int64]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.gaussians import GaussianCloud
-from evaluation.render import Camera, orbit, render
+from lab.render import Camera, View, orbit, render
 from training.fitting.sequences import TrueFrame
 
 Float32 = npt.NDArray[np.float32]
@@ -27,15 +27,6 @@ ELEVATIONS = (6.0, 36.0, 20.0)
 HELD_OUT_ELEVATIONS = (13.0, 28.0)
 #: SH of degree 0 is this times f_dc, plus 0.5
 SH_C0 = 0.28209479177387814
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """A camera, its image of the truth, (H, W, 3) in [0, 1], and what a fit has behind its Gaussians."""
-
-    camera: Camera
-    image: Float32
-    background: tuple[float, float, float] = BACKGROUND
 
 
 def training_cameras(size: tuple[int, int] = IMAGE_SIZE) -> list[Camera]:
@@ -56,7 +47,7 @@ def _camera(azimuth: float, elevation: float, size: tuple[int, int]) -> Camera:
 
 def take_views(truth: TrueFrame, cameras: list[Camera]) -> list[View]:
     """What the cameras see of the truth."""
-    return [View(camera, picture(truth.cloud, camera)) for camera in cameras]
+    return [View(camera, picture(truth.cloud, camera), BACKGROUND) for camera in cameras]
 
 
 def picture(

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from training.scenes import rotations
+from lab.scenes import rotations
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]

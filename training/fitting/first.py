@@ -10,8 +10,9 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
+from lab.render import View
 from training.fitting.adam import Adam, decayed
-from training.fitting.capture import DISTANCE, View
+from training.fitting.capture import DISTANCE
 from training.fitting.loss import loss_gradient
 from training.fitting.sequences import FittedSequence, TrueFrame
 

@@ -9,12 +9,13 @@ from pathlib import Path
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
+from lab.render import View
+from lab.scenes.fitted import fitted_sequence, read_about, stepped
 from training.fitting import report, store
-from training.fitting.capture import View, take_views, training_cameras
+from training.fitting.capture import take_views, training_cameras
 from training.fitting.first import fit_first, rough_cloud
 from training.fitting.sequences import FittedSequence, TrueFrame, true_frames
 from training.fitting.track import track
-from training.scenes.fitted import fitted_sequence, read_about, stepped
 
 
 def stored_frames(path: Path, sequence: FittedSequence) -> list[GaussianCloud]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dfcgs_codec.gaussians import GaussianCloud
-from evaluation.render import CloudGradient, render, render_backward, ssim_with_gradient
-from training.fitting.capture import View
+from lab.render import CloudGradient, View, render, render_backward, ssim_with_gradient
 
 #: weight of 1 - SSIM; the rest is that of the mean absolute error
 SSIM_WEIGHT = 0.2

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,19 +9,19 @@ from typing import Any
 import numpy as np
 
 from dfcgs_codec.gaussians import GaussianCloud
-from evaluation.record import RESULTS, write_result
+from lab.record import known_results, write_result
+from lab.render import View
+from lab.scenes import rotations
 from training.fitting.capture import (
     IMAGE_SIZE,
     NUM_HELD_OUT,
     NUM_TRAINING,
-    View,
     character_mask,
     held_out_cameras,
     psnr,
     take_views,
 )
 from training.fitting.sequences import FITTED, TrueFrame
-from training.scenes import rotations
 
 RESULT = "fitted"
 
@@ -66,12 +65,6 @@ def _median(values: np.ndarray) -> float:
     return round(float(np.median(values)), 5) if len(values) else 0.0
 
 
-def earlier_results() -> dict[str, Any]:
-    """The results that are there, by sequence."""
-    path = RESULTS / f"{RESULT}.json"
-    return json.loads(path.read_text())["results"] if path.exists() else {}
-
-
 def write_report(name: str, path: Path, rows: list[Row]) -> Path:
     """Put the rows of one sequence into the result file, beside those of the others."""
     conditions = {
@@ -81,4 +74,4 @@ def write_report(name: str, path: Path, rows: list[Row]) -> Path:
         "seconds": "of the fit alone, machine shared with other work",
     }
     entry = {"bytes": path.stat().st_size, "frames": rows}
-    return write_result(RESULT, conditions, {**earlier_results(), name: entry})
+    return write_result(RESULT, conditions, {**known_results(RESULT), name: entry})

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.gaussians import GaussianCloud
-from evaluation.assets import find_asset
+from lab.assets import find_asset
+from lab.scenes.animated import animated_sequence
+from lab.scenes.options import SceneOptions
 from training.fitting.stage import join, stage_cloud
-from training.scenes.animated import animated_sequence
-from training.scenes.options import SceneOptions
 
 
 @dataclass(frozen=True)
@@ -54,9 +53,6 @@ FITTED: dict[str, FittedSequence] = {
     # without the swing of the staff that begins the clip: 1.1 units a frame, which no fit follows
     "fitted_mage": FittedSequence("Mage.glb", "Cheer", 30.0, skipped=5),
 }
-
-#: where the stored sequences lie
-FOLDER = Path(__file__).parents[2] / "assets" / "fitted"
 
 
 def true_frames(sequence: FittedSequence, num_frames: int) -> Iterator[TrueFrame]:

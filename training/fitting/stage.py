@@ -7,9 +7,10 @@ from dataclasses import fields
 import numpy as np
 
 from dfcgs_codec.gaussians import GaussianCloud
-from training.scenes import appearance, rotations
-from training.scenes.asset import Float64
-from training.scenes.fields import SmoothField
+from lab.meshes import appearance
+from lab.meshes.asset import Float64
+from lab.scenes import rotations
+from lab.scenes.fields import SmoothField
 
 #: scene units, as of the KayKit characters, which are 2.4 tall and stand at the origin
 GROUND_RADIUS = 2.1
@@ -19,7 +20,7 @@ BOULDER_RADIUS = (0.18, 0.38)
 TILE = 0.45
 #: share of the Gaussians that are on the ground
 GROUND_SHARE = 0.7
-#: as of the sampled surfaces of `training.scenes.animated`
+#: as of the sampled surfaces of `lab.scenes.animated`
 FLATNESS = -2.0
 OPACITY = (2.0, 1.5)
 #: keeps the random numbers apart from those of other stages with the same seed

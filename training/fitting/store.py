@@ -1,4 +1,4 @@
-"""Write a fitted sequence; the format is described in `training.scenes.fitted`."""
+"""Write a fitted sequence; the format is described in `lab.scenes.fitted`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.gaussians import GaussianCloud
-from training.scenes.fitted import ABOUT, FIRST, VERSION, Float16, Int64, read_about, step_name
+from lab.scenes.fitted import ABOUT, FIRST, VERSION, Float16, Int64, read_about, step_name
 
 #: members carry this time, so that equal sequences are equal files
 _TIME = (1980, 1, 1, 0, 0, 0)

@@ -10,9 +10,9 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from dfcgs_codec.gaussians import GaussianCloud
+from lab.render import View
 from training.fitting.activity import NEIGHBOURS, THRESHOLD, activity
 from training.fitting.adam import Adam, decayed
-from training.fitting.capture import View
 from training.fitting.deform import Deformation, turn_gradient, turned
 from training.fitting.loss import loss_gradient
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from evaluation.render.camera import Camera
+from lab.render.camera import Camera
 
 Int32 = npt.NDArray[np.int32]
 Int64 = npt.NDArray[np.int64]

@@ -19,12 +19,13 @@ from dfcgs_codec.encoder.placing import Placing
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.targets import Planes, Targets
+from dfcgs_codec.encoder.tuning import EncoderTuning
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import MemorySource
-from evaluation.assets import find_asset
+from lab.assets import find_asset
+from lab.scenes.catalogue import Scene, group, scene
 from training.paper.gof import NUM_FRAMES, Gof, camera_row, normalisation
-from training.scenes.catalogue import Scene, group, scene
 
 Int64 = npt.NDArray[np.int64]
 
@@ -108,7 +109,9 @@ def _decoded_first(plan: SequencePlan, planes: Planes) -> tuple[FrameState, Memb
     placing, quantisation = Placing.of(planes, plan), plan.quantisation
     order, grid = placing.intra.order(planes[Attribute.POSITION])
     members = Members(order, placing.names.take(order))
-    wanted = placing.intra.target(members.target(planes), order, quantisation, plan.options.intra_zero_bin)
+    wanted = placing.intra.target(
+        members.target(planes), order, quantisation, plan.options.tuning.intra_zero_bin
+    )
     task = IntraTask(replace(wanted, keeps_names=True), grid)
     return code_intra_frame(0, task, plan.gof_setup).state.frame, members
 
@@ -123,7 +126,9 @@ def prepare_gof(
     """A GoF of clouds whose index is identity."""
     layout = layout or Layout()
     # steps as the profile has them: those of MAIN are balanced for the scene
-    options = EncoderOptions(qp=qp, gof_size=1, control_spacing=layout.control_spacing, profile=Profile.PAPER)
+    options = EncoderOptions(
+        qp=qp, gof_size=1, profile=Profile.PAPER, tuning=EncoderTuning(control_spacing=layout.control_spacing)
+    )
     plan = plan_sequence(MemorySource(clouds), options)
     targets = Targets(plan.header.unit_exponents)
     planes = targets.planes(clouds[0])
@@ -162,8 +167,8 @@ def _pictures(
     """Images of the P-frames and their cameras, as `Gof` has them; without views no renderer is needed."""
     if not num_views:
         return np.zeros((0, len(clouds) - 1, 1, 1, 3), np.float16), np.zeros((0, 20))
-    from evaluation.render import render
-    from evaluation.views import central_box, framing_camera
+    from lab.render import render
+    from lab.views import central_box, framing_camera
 
     box = central_box(clouds[0])
     images, rows = [], []

@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from dfcgs_codec.transform.companding import expand
-from evaluation.render.autograd import render_tensors, ssim_tensors
-from evaluation.render.camera import Camera
+from lab.render.autograd import render_tensors, ssim_tensors
+from lab.render.camera import Camera
 from training.paper.coding import Coded, code_frame, frame_prior
 from training.paper.gof import Gof
 from training.paper.nets import PaperModel

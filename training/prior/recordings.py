@@ -17,7 +17,7 @@ from unittest import mock
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.codec.control_context import ControlPrior
 from dfcgs_codec.codec.inter_prior import PriorContext
 from dfcgs_codec.codec.prior_component import Component
@@ -164,7 +164,9 @@ def record(frames: list[GaussianCloud], qp: float, model: ContextModel, seed: in
         columns=_Looker("columns", model.columns, recording, rng),
         control=_Looker("control", model.control, recording, rng),
     )
-    options = EncoderOptions(qp=qp, gof_size=len(frames), prior=PriorMode.NETWORK, model_id=RECORDED)
+    options = EncoderOptions(
+        qp=qp, gof_size=len(frames), tuning=EncoderTuning(prior=PriorMode.NETWORK, model_id=RECORDED)
+    )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "gof.dgs"
         register(model)

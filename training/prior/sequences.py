@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from dfcgs_codec.gaussians import GaussianCloud
-from evaluation.assets import find_asset
+from lab.assets import find_asset
+from lab.scenes.catalogue import scene
+from lab.scenes.options import SceneOptions
+from lab.scenes.trained import trained_sequence
+from lab.scenes.variants import VARIANTS
 from training.paper.prepare import training_scenes
 from training.prior.recordings import NUM_FRAMES
-from training.scenes.catalogue import scene
-from training.scenes.options import SceneOptions
-from training.scenes.trained import trained_sequence
-from training.scenes.variants import VARIANTS
 
 #: QPs of the scenes, and of what is made of their characters
 QPS = (28.0, 18.0, 34.0, 23.0)

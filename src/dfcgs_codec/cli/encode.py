@@ -12,22 +12,21 @@ from typing import Any
 import click
 
 from dfcgs_codec.api import encode_sequence
-from dfcgs_codec.bitstream.constants import ControlRule, Profile
-from dfcgs_codec.cli import values as parse
+from dfcgs_codec.bitstream.constants import Profile
+from dfcgs_codec.cli.encode_options import GROUPS
+from dfcgs_codec.cli.groups import GroupedCommand
 from dfcgs_codec.cli.outputs import output_file
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.cli.refusal import note_of_limits
 from dfcgs_codec.cli.views import views_beside, views_named, views_note
-from dfcgs_codec.encoder.options import COMPENSATIONS, EncoderOptions, MotionMode, RefinementMode
-from dfcgs_codec.encoder.prior_choice import PriorMode
-from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES
+from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.rate_control import BOUND_UNITS
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import InputError, VerificationError
 from dfcgs_codec.files import check_file_target
 from dfcgs_codec.frames.typed import check_arguments
 from dfcgs_codec.ply import InputPolicy, gathered
-from dfcgs_codec.sequence import DEFAULT_PATTERN, open_frames
-from dfcgs_codec.views.region import DEFAULT_MARGIN
+from dfcgs_codec.sequence import open_frames
 
 #: for a file of one's own: whatever it needs
 _NO_LIMITS = ("--max-memory", "1024T", "--max-gaussians", str(1 << 30))
@@ -37,6 +36,7 @@ Examples:
   dfcgs encode frames/ out.dgs
   dfcgs encode frames/*.ply out.dgs
   dfcgs encode frames/ out.dgs --quality high --gof-size 30
+  dfcgs encode frames/ out.dgs --quality lossless
   dfcgs encode frames/ out.dgs --bound position=0.001 --bound rotation=0.5
   dfcgs encode scene/ out.dgs --pattern 'frame_*/point_cloud/iteration_7000/point_cloud.ply'
 """
@@ -47,25 +47,13 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         quality=values["quality"] if values["psnr"] is None else values["psnr"],
         qp=values["qp"],
         bounds=values["bound"],
-        gof_size=values["gof_size"],
-        motion=values["motion"],
-        compensation=values["compensation"],
-        control_rule=values["control_points"],
-        control_spacing=values["control_spacing"],
-        num_neighbours=values["control_neighbours"],
-        profile=values["profile"],
-        latent_step=values["latent_step"],
-        refinement=values["refinement"],
-        visibility=values["steps"] == "visibility",
-        balance=values["balance"] == "auto",
-        exact=values["exact"] == "auto",
         views=views_named(values["views"]),
         views_margin=values["views_margin"],
         keep_unseen=values["keep_unseen"],
-        prior=values["prior"],
-        intra=values["intra"],
-        order=values["order"],
+        gof_size=values["gof_size"],
         frame_rate=values["fps"],
+        order=values["order"],
+        profile=values["profile"],
         jobs=values["jobs"],
     )
 
@@ -116,200 +104,21 @@ def _summary(report: EncodeReport, target: Path) -> str:
     return "\n".join(lines)
 
 
-@click.command(epilog=_EPILOG)
+@click.command(cls=GroupedCommand, groups=GROUPS, epilog=_EPILOG)
 @click.argument("frames", nargs=-1, metavar="FRAMES...")
 @click.argument("output", type=click.Path(), callback=output_file)
-@click.option(
-    "--quality",
-    type=click.Choice(list(QUALITIES)),
-    default="medium",
-    show_default=True,
-    help="Quality of images: " + ", ".join(f"{name} {psnr:g} dB" for name, psnr in QUALITIES.items()) + ".",
-)
-@click.option(
-    "--psnr", type=float, metavar="DB", help="The same as a number: PSNR of images. Overrides --quality."
-)
-@click.option(
-    "--qp",
-    type=float,
-    help="Quantiser, 0 (finest) to 51; the step doubles every 6, whatever the quality. Overrides --psnr.",
-)
-@click.option(
-    "--bound",
-    type=parse.bound,
-    metavar="ATTRIBUTE=VALUE",
-    multiple=True,
-    help=f"Guarantee a maximum error; {', '.join(BOUND_UNITS)}. Repeatable.",
-)
-@click.option(
-    "--gof-size",
-    type=parse.gof_size,
-    metavar="[auto|FRAMES]",
-    default="auto",
-    show_default=True,
-    help="Frames from one I-frame to the next, at most; auto: the encoder chooses, 60 at most, "
-    "or 10 in profile paper.",
-)
-@click.option(
-    "--motion",
-    type=click.Choice([mode.value for mode in MotionMode]),
-    default="auto",
-    show_default=True,
-    help="Where control points carry the Gaussians along: auto where that pays; only: and no residual.",
-)
-@click.option(
-    "--compensation",
-    type=click.Choice(list(COMPENSATIONS)),
-    default="main",
-    show_default=True,
-    help="How control points carry the Gaussians along; paper: as D-FCGS does it, for comparison.",
-)
-@click.option(
-    "--control-points",
-    type=click.Choice([rule.name.lower() for rule in ControlRule]),
-    default="farthest",
-    show_default=True,
-    help="How control points are chosen.",
-)
-@click.option(
-    "--control-spacing", type=int, default=70, show_default=True, help="Gaussians to a control point."
-)
-@click.option(
-    "--control-neighbours",
-    type=int,
-    default=30,
-    show_default=True,
-    help="Gaussians that a control point moves, with --compensation paper or --profile paper.",
-)
-@click.option(
-    "--profile",
-    type=click.Choice([profile.name.lower() for profile in Profile]),
-    default="main",
-    show_default=True,
-    help="paper: motion by the network of D-FCGS as published, GoFs of 10; for comparison.",
-)
-@click.option(
-    "--latent-step",
-    type=float,
-    default=1.0,
-    show_default=True,
-    help="q' of the paper, a power of two; with --profile paper.",
-)
-@click.option(
-    "--refinement",
-    type=click.Choice([mode.value for mode in RefinementMode]),
-    default="auto",
-    show_default=True,
-    help="Colour refinement, with --profile paper: where it brings colours nearer, or in every frame.",
-)
-@click.option(
-    "--prior",
-    type=click.Choice([mode.value for mode in PriorMode]),
-    default="auto",
-    show_default=True,
-    help="Where P-frames are coded with the frozen networks: auto where that takes fewer bytes; "
-    "plain: nowhere, which decodes faster.",
-)
-@click.option(
-    "--steps",
-    type=click.Choice(["visibility", "uniform"]),
-    default="visibility",
-    show_default=True,
-    help="Quantiser steps: coarser for Gaussians that show less, or one for all.",
-)
-@click.option(
-    "--balance",
-    type=click.Choice(["auto", "off"]),
-    default="auto",
-    show_default=True,
-    help="Whether steps of attributes follow how much each shows in the first frame.",
-)
-@click.option(
-    "--exact",
-    type=click.Choice(["auto", "off"]),
-    default="auto",
-    show_default=True,
-    help="Whether values that another tool has quantised are kept as they are, where that is smaller.",
-)
-@click.option(
-    "--views",
-    metavar="FILE|none",
-    show_default="found beside the frames",
-    help="The cameras between which viewers stand: cameras.json, transforms.json or a folder of COLMAP.",
-)
-@click.option(
-    "--views-margin",
-    type=float,
-    metavar="SHARE",
-    default=DEFAULT_MARGIN,
-    show_default=True,
-    help="How far outside the cameras viewers stand, as a share of the distance between them.",
-)
-@click.option("--keep-unseen", is_flag=True, help="Keep what is seen from none of the views as the rest.")
-@click.option(
-    "--intra",
-    type=click.Choice(["coded", "ply"]),
-    default="coded",
-    show_default=True,
-    help="I-frames quantised, or float32 verbatim.",
-)
-@click.option(
-    "--order",
-    type=click.Choice(["sequence", "input", "free"]),
-    default="sequence",
-    show_default=True,
-    help="Order of decoded Gaussians: one for the sequence, the input's, or any.",
-)
-@click.option(
-    "--fps",
-    type=parse.frame_rate,
-    metavar="RATE",
-    default="30",
-    show_default=True,
-    help="Frame rate to write into the file.",
-)
-@click.option(
-    "--pattern",
-    default=DEFAULT_PATTERN,
-    show_default=True,
-    help="Which files of the folder are frames; may contain folders. By default PLYs in any case and, where "
-    "the folder has none, those of trainers' trees.",
-)
-@click.option(
-    "--order-by",
-    default="number",
-    show_default=True,
-    metavar="number|name|PATTERN",
-    help="What orders the frames: the number in their names that differs in all; their names; or a part of "
-    "the names with {} in place of the number that counts, such as 'frame_{}' (* is any text).",
-)
-@click.option("--allow-gaps", is_flag=True, help="Accept missing frame numbers.")
-@click.option(
-    "--drop-extra", is_flag=True, help="Leave out PLY properties and elements that the codec does not keep."
-)
-@click.option(
-    "--repair", is_flag=True, help="Put what viewers show in place of NaN, infinities and zero quaternions."
-)
-@click.option(
-    "--bake-filter", is_flag=True, help="Put the filter_3D of mip-splatting into scale and opacity."
-)
-@click.option("--jobs", type=int, default=None, show_default="all cores", help="Processes.")
-@click.option("--verify", is_flag=True, help="Decode the file in a fresh process and compare.")
-@click.option("--force", is_flag=True, help="Replace an existing file.")
-@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
-@click.option("--quiet", "-q", is_flag=True, help="Print nothing but errors.")
 def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
     """Encode FRAMES, a folder of PLYs, the files themselves or a params.npz, into the file OUTPUT (.dgs)."""
     if not frames:
         raise click.UsageError(f"two arguments are needed: dfcgs encode {output} out.dgs")
     check_arguments(frames, str(output))
+    options = _options(values)
     policy = InputPolicy(
         drop_extra=values["drop_extra"],
         repair=values["repair"],
         bake_filter=values["bake_filter"],
-        keep_bits=values["intra"] == "ply",
+        keep_bits=options.is_lossless,
     )
-    options = _options(values)
     check_file_target(output, force=values["force"])
     source = open_frames(
         frames,
@@ -319,7 +128,7 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
         policy=policy,
     )
     told = list(source.notes)
-    if values["views"] is None and options.profile == Profile.MAIN:
+    if values["views"] is None and options.profile == Profile.MAIN and not options.is_lossless:
         options, notes = _with_views(options, source.paths)
         told += notes
     told += views_note(options.views)

@@ -7,7 +7,7 @@ from fractions import Fraction
 import click
 
 from dfcgs_codec.arguments import rate
-from dfcgs_codec.encoder.rate_control import Bound
+from dfcgs_codec.encoder.rate_control import QUALITIES, Bound
 
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
@@ -28,6 +28,18 @@ def gof_size(text: str) -> int | None:
         return int(text)
     except ValueError:
         raise click.BadParameter(f"{text!r} is neither auto nor a number of frames") from None
+
+
+def quality(text: str) -> str | float:
+    """A quality's name, `lossless`, or decibels."""
+    names = (*QUALITIES, "lossless")
+    if text.lower() in names:
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        known = ", ".join(names)
+        raise click.BadParameter(f"{text!r} is none of {known}, and no PSNR in dB such as 40") from None
 
 
 def bound(text: str) -> Bound:

@@ -10,10 +10,10 @@ from typing import BinaryIO
 import numpy as np
 
 from dfcgs_codec.bitstream.comments import PlyComments
-from dfcgs_codec.bitstream.constants import ChunkType, Profile
+from dfcgs_codec.bitstream.constants import ChunkType
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.io import ByteWriter
-from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, PAPER_GOF_SIZE, EncoderOptions
+from dfcgs_codec.encoder.options import AUTO_GOF_SIZE, EncoderOptions
 from dfcgs_codec.encoder.parallel import NoWorkers, code_in_parallel
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.planning import plan_sequence
@@ -32,9 +32,7 @@ Progress = Callable[[int, int], None]
 
 def _segments(plan: SequencePlan) -> list[tuple[int, int]]:
     """First frame and end of each run that begins with an I-frame."""
-    count, size = plan.header.num_frames, plan.options.gof_size
-    if size is None and plan.header.profile == Profile.PAPER:
-        size = PAPER_GOF_SIZE
+    count, size = plan.header.num_frames, plan.options.fixed_gof_size
     if size is None:
         # of about the same length, so that no I-frame serves a few frames only
         number = -(-count // AUTO_GOF_SIZE)
@@ -99,7 +97,8 @@ def _write(
             "outside the grids planned from the first frame, or are not finite: they are kept exactly"
         )
     report.num_bytes = writer.size
-    report.qp, report.num_unseen, report.unseen_cost_db = plan.qp, plan.num_unseen, plan.unseen_cost
+    report.num_unseen, report.unseen_cost_db = plan.num_unseen, plan.unseen_cost
+    report.qp = None if plan.options.is_lossless else plan.qp
     if plan.estimate is not None:
         errors = 10.0 ** (np.array(report.behind) / 10.0)
         report.estimated_psnr = plan.estimate - 10.0 * float(np.log10(errors.mean()))

@@ -30,12 +30,12 @@ from dfcgs_codec.encoder.frame_coding import (
 from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.intra_plan import IntraPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
-from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.prior_choice import PriorChoice
 from dfcgs_codec.encoder.reference import InputFrame
 from dfcgs_codec.encoder.spread_motion import spread_header, spread_motion
 from dfcgs_codec.encoder.targets import ordered
+from dfcgs_codec.encoder.tuning import MotionMode
 
 Int64 = npt.NDArray[np.int64]
 
@@ -74,7 +74,7 @@ class InterCoder:
 
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
-        self._choice = PriorChoice(plan.options.prior)
+        self._choice = PriorChoice(plan.options.tuning.prior)
         self._quantisation, self._slack_share = plan.quantisation, SLACK
         self._trusted = 0
         self._intra_steps: IntraSteps | None = None
@@ -93,7 +93,8 @@ class InterCoder:
         self._quantisation, self._slack_share = self._plan.quantisation.finer(finer), SLACK * 2.0**-finer
         trial = self._motion(task)
         coded = self._coded(task, trial)
-        if trial is not None and trial.saved < _SURE_SHARE and self._plan.options.motion == MotionMode.AUTO:
+        is_sure = trial is None or trial.saved >= _SURE_SHARE
+        if not is_sure and self._plan.options.tuning.motion == MotionMode.AUTO:
             coded = self._better(task, coded)
         return coded, None if trial is None else trial.hint
 
@@ -137,21 +138,23 @@ class InterCoder:
         quantisation = self._plan.quantisation
         intra = IntraPlan.of(born, cover, quantisation)
         order, grid = intra.order(born[Attribute.POSITION])
-        wanted = intra.target(ordered(born, order), order, quantisation, self._plan.options.intra_zero_bin)
+        wanted = intra.target(
+            ordered(born, order), order, quantisation, self._plan.options.tuning.intra_zero_bin
+        )
         return order, IntraTask(replace(wanted, keeps_names=keeps_names), grid)
 
     def _coded(self, task: InterTask, trial: MotionTrial | None) -> CodedFrame:
-        quantisation, options = self._quantisation, self._plan.options
+        quantisation, tuning = self._quantisation, self._plan.options.tuning
         reference = task.state.frame
         levels = self._levels(task.state.visibility)
         multipliers = task.state.visibility.all_multipliers(levels)
         slack, share = self.slack(task.state), self._slack_share
         quantiser = ResidualQuantiser(
-            quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2, multipliers, slack, share
+            quantisation, ZeroBin(tuning.zero_bin), BLOCK_LOG2, multipliers, slack, share
         )
         states = (reference, reference if trial is None else trial.carried.state)
         symbols = InterSymbols()
-        if options.motion != MotionMode.ONLY:
+        if tuning.motion != MotionMode.ONLY:
             symbols = inter_symbols(task.target, task.before, states, quantiser)
         change = None if task.births is None else task.births.change
         coding = ResidualCoding(quantisation.steps, BLOCK_LOG2, levels, self._choice)
@@ -163,7 +166,7 @@ class InterCoder:
         if known is None or known[0] is not visibility:
             steps, bounded = self._plan.steps, self._plan.quantisation.bounded
             levels = {}
-            if self._plan.options.visibility and len(bounded) < len(steps):
+            if self._plan.options.tuning.visibility and len(bounded) < len(steps):
                 levels = inter_levels(visibility, steps, bounded)
             known = self._known_levels = (visibility, levels)
         return known[1]
@@ -181,7 +184,8 @@ class InterCoder:
         return known[1]
 
     def _motion(self, task: InterTask) -> MotionTrial | None:
-        mode = self._plan.options.motion
+        tuning = self._plan.options.tuning
+        mode = tuning.motion
         if mode == MotionMode.OFF:
             return None
         moving = (Attribute.POSITION, Attribute.ROTATION)
@@ -204,7 +208,8 @@ class InterCoder:
             task.hint,
             mode != MotionMode.ONLY,
             state.model,
+            tuning.turns,
         )
-        if self._plan.options.compensation == Compensation.SPREAD:
+        if tuning.compensation == Compensation.SPREAD:
             return spread_motion(motion_task, spread_header(self._plan, state.motion().field.num_points))
         return choose_motion(motion_task)

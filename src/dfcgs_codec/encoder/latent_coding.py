@@ -22,9 +22,9 @@ from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.latent_motion import LatentReference, code_hyper, code_latents
 from dfcgs_codec.encoder.analysis import Planes
 from dfcgs_codec.encoder.frame_coding import CodedFrame
-from dfcgs_codec.encoder.options import RefinementMode
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.encoder.tuning import RefinementMode
 from dfcgs_codec.model.latent_model import LATENT_BITS, LatentModel, latents_of
 from dfcgs_codec.model.layers import ACTIVATION_LIMIT
 from dfcgs_codec.transform.normalisation import NORMAL_BITS
@@ -117,7 +117,7 @@ class LatentCoder:
         self, index: int, target: Planes, reference: LatentReference, state: GofState
     ) -> tuple[FrameState, bytes]:
         """The frame that motion leads to, and its chunks."""
-        rows, step_log2 = reference.rows, self._plan.options.latent_step_log2
+        rows, step_log2 = reference.rows, self._plan.options.tuning.latent_step_log2
         header = LatentHeader(len(rows), step_log2, self._spread(reference))
         latents = self._latents(target, reference, state)
         hyper, chunks = None, b""
@@ -141,13 +141,13 @@ class LatentCoder:
         """Motion fades by e over one normalised unit: a network that sees these cannot know others."""
         exponent = self._plan.gof_setup.control.shift - reference.normalisation.exponent
         limited = min(max(exponent, -MAX_DECAY_EXPONENT), MAX_DECAY_EXPONENT)
-        return SpreadHeader(self._plan.options.num_neighbours, limited)
+        return SpreadHeader(self._plan.options.tuning.num_neighbours, limited)
 
     def _refined(
         self, target: Planes, frame: FrameState, reference: LatentReference, state: GofState
     ) -> FrameState:
         """`frame` refined, where the options or the colours' distance from their target want it."""
-        mode = self._plan.options.refinement
+        mode = self._plan.options.tuning.refinement
         if mode == RefinementMode.OFF or not self._model.has_refinement:
             return frame
         refined = reference.refined(frame)

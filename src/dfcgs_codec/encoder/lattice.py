@@ -95,5 +95,5 @@ def keep_exactly(
         if any(others.get(attribute, -_FINEST_LOG2 - 1) < found[attribute] for attribute in steps):
             return quantisation
     names = ", ".join(f"{a.name} ({2.0 ** found[a]:g})" for a in sorted(steps))
-    note = f"the input has quantised {names}: such values are kept as they are; --exact off codes them anew"
+    note = f"the input has quantised {names}: such values are kept as they are"
     return quantisation.keeping(steps, note)

@@ -62,7 +62,8 @@ class MotionTask:
 
     `multipliers`: by what 256ths the steps of each Gaussian are coarser, (N, 1), where they are not one;
     `is_forced`: whether it moves, even where that does not pay; `hint`: what was best in the frame before;
-    `has_residual`: whether one follows; `model`: the frozen prior of the sequence.
+    `has_residual`: whether one follows; `model`: the frozen prior of the sequence; `has_turns`: whether
+    control points turn what they carry.
     """
 
     motion: GofMotion
@@ -76,6 +77,7 @@ class MotionTask:
     hint: MotionHint | None = None
     has_residual: bool = True
     model: ContextModel | None = None
+    has_turns: bool = True
 
 
 @dataclass(frozen=True)
@@ -97,8 +99,13 @@ class _Candidate:
 
 
 def motion_steps(task: MotionTask) -> tuple[int, int]:
-    """Steps of translations, and of turn vectors that displace a Gaussian at the usual distance as much."""
+    """Steps of translations, and of turn vectors that displace a Gaussian at the usual distance as much.
+
+    0 of turn vectors: nothing turns.
+    """
     step = max(1, int(task.steps[Attribute.POSITION] * TRANSLATION_SHARE))
+    if not task.has_turns:
+        return step, 0
     pivots, ranks = task.motion.field.pivots, task.motion.binding.gathering.ranks
     apart = np.linalg.norm(pivots[ranks[0, ::16]] - pivots[ranks[3, ::16]], axis=1)
     # a turn vector of length v turns by about 4 v

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from typing import Any
@@ -12,11 +12,6 @@ from typing import Any
 from dfcgs_codec._version import __version__
 from dfcgs_codec.arguments import refusal
 from dfcgs_codec.bitstream.constants import (
-    MAX_LATENT_STEP_LOG2,
-    MAX_NEIGHBOURS,
-    MIN_LATENT_STEP_LOG2,
-    Compensation,
-    ControlRule,
     IntraKind,
     OutputOrder,
     Profile,
@@ -31,12 +26,11 @@ from dfcgs_codec.encoder.option_fields import (
     Real,
     RealOrNone,
     Switch,
-    Text,
-    Whole,
     WholeOrAuto,
 )
 from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import MAX_PSNR, MAX_QP, MIN_PSNR, MIN_QP, QUALITIES, Bound
+from dfcgs_codec.encoder.tuning import EncoderTuning
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.model.registry import DEFAULT_MODEL, DEFAULT_PRIOR
 from dfcgs_codec.views.region import DEFAULT_MARGIN
@@ -48,33 +42,6 @@ AUTO_GOF_SIZE = 60
 PAPER_GOF_SIZE = 10
 _MAX_RATE_TERM = 1 << 32
 _MAX_VIEWS_MARGIN = 10
-
-
-class MotionMode(Enum):
-    """What P-frames are made of."""
-
-    #: motion and residual, each where it pays
-    AUTO = "auto"
-    #: residual alone
-    OFF = "off"
-    #: motion in every frame that changes, whether it pays or not, and residual
-    ON = "on"
-    #: motion alone, no residual: drifts away from the input
-    ONLY = "only"
-
-
-class RefinementMode(Enum):
-    """Whether the model of profile PAPER changes the colours of P-frames."""
-
-    #: in frames whose colours come nearer to the input's
-    AUTO = "auto"
-    OFF = "off"
-    #: in every frame that moves, as published
-    ON = "on"
-
-
-#: how the command line and Python call the rules that carry Gaussians along
-COMPENSATIONS = {"main": Compensation.GATHER, "paper": Compensation.SPREAD}
 
 
 class Bounds(
@@ -94,11 +61,20 @@ class Bounds(
             raise refusal(self._name, value, 'a mapping such as {"position": 0.001}') from None
 
 
-def _log2(value: float) -> float:
-    """log2 of a power of two, nan for anything else."""
-    if not 0 < value < math.inf or math.frexp(value)[0] != 0.5:
-        return math.nan
-    return math.frexp(value)[1] - 1
+#: of `EncoderTuning`, what one profile alone heeds
+_TUNED_IN = {
+    Profile.MAIN: ("motion", "turns", "compensation", "prior", "visibility", "balance", "exact"),
+    Profile.PAPER: ("latent_step", "refinement"),
+}
+
+
+class Tuned(OptionField[EncoderTuning, EncoderTuning]):
+    """Switches for experiments."""
+
+    def _convert(self, value: Any) -> EncoderTuning:
+        if not isinstance(value, EncoderTuning):
+            raise refusal(self._name, value, "EncoderTuning(...)")
+        return value
 
 
 @dataclass(frozen=True)
@@ -106,67 +82,64 @@ class EncoderOptions:
     """Settings of one encode; InputError for a value of the wrong kind or out of range, by its name.
 
     Numbers may be numpy's; choices are their names in small letters, as the command line takes them
-    (`order="input"`, `motion="off"`, `intra="ply"`, `profile="paper"`, `compensation="paper"`), or members of
-    their enumerations; `frame_rate` may be 30, 29.97, "30000/1001" or a Fraction; `bounds` a mapping such
-    as `{"position": 0.001}`.
-
-    `quality`: PSNR of images in dB, or "low", "medium", "high" or "transparent" (32, 37, 42 and 50 dB): the
-    encoder estimates it and chooses the QP; `qp` 0 (finest) to 51, the step doubles every 6, None: by the
-    quality; `bounds` replace the steps of their attributes and guarantee a maximum error; `gof_size` frames
-    at most from one I-frame to the next, None: the encoder chooses, 60 at most; `compensation` SPREAD
-    ("paper") is the paper's rule, with control points
-    moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one control point for
-    `control_spacing` Gaussians (M of the paper);
-    `visibility`: steps are coarser for what shows less; `balance`: steps of attributes follow what they show
-    in the first frame; `exact`: values that the
-    input has quantised are kept as they are, where that is smaller;
-    `views`: the cameras between which viewers stand, as Views or the path of a `cameras.json`, a
-    `transforms.json` or a folder of COLMAP; None, the default, is none, as only the command line looks for
-    them beside the frames. `views_margin`: how far outside viewers stand, as a share of the distance between
-    cameras; `keep_unseen`: what no such viewer sees is kept as well as the rest;
-    `intra_zero_bin` is that of I-frames; `prior`: which streams of P-frames take
-    the frozen prior; `model_id` names another model than the profile's own; `jobs` processes, None: one for
-    each core.
-
-    With `profile` PAPER P-frames have motion by the model's network and nothing else: `latent_step` is the
-    paper's q', a power of two, and a `gof_size` of None means its 10 frames.
+    (`order="input"`, `profile="paper"`), or members of their enumerations.
     """
 
-    quality: NamedReal = NamedReal(QUALITIES["medium"], QUALITIES)
+    quality: NamedReal = NamedReal(QUALITIES["medium"], QUALITIES | {"lossless": math.inf})
+    """PSNR of images in dB, 15 to 70, or "low", "medium", "high" or "transparent" (32, 37, 42 and 50 dB): the
+    encoder estimates it and chooses the QP. "lossless", held as infinity: every frame is an I-frame with the
+    float32 values of the input."""
+
     qp: RealOrNone = RealOrNone(None, 'a quality has its own option: quality="high"')
+    """The quantiser in place of a quality, 0 (finest) to 51: the step doubles every 6. None: as the quality
+    needs it."""
+
     bounds: Bounds = Bounds(())
-    gof_size: WholeOrAuto = WholeOrAuto(None)
-    intra: Choice[IntraKind] = Choice(IntraKind.CODED)
-    order: Choice[OutputOrder] = Choice(OutputOrder.SEQUENCE)
-    frame_rate: Rate = Rate(Fraction(30))
-    zero_bin: Real = Real(0.6)
-    motion: Choice[MotionMode] = Choice(MotionMode.AUTO)
-    compensation: Choice[Compensation] = Choice(Compensation.GATHER, COMPENSATIONS)
-    control_rule: Choice[ControlRule] = Choice(ControlRule.FARTHEST)
-    control_spacing: Whole = Whole(70)
-    num_neighbours: Whole = Whole(30)
-    profile: Choice[Profile] = Choice(Profile.MAIN)
-    model_id: Text = Text(None)
-    prior: Choice[PriorMode] = Choice(PriorMode.AUTO)
-    latent_step: Real = Real(1.0)
-    refinement: Choice[RefinementMode] = Choice(RefinementMode.AUTO)
-    visibility: Switch = Switch(True)
-    balance: Switch = Switch(True)
-    exact: Switch = Switch(True)
+    """Largest errors that are guaranteed: `{"position": 0.001}`. They replace the steps of their
+    attributes."""
+
     views: Cameras = Cameras(None)
+    """The cameras between which viewers stand, as Views or the path of a `cameras.json`, a `transforms.json`
+    or a folder of COLMAP. None, the default, is none: only the command line looks for them by itself."""
+
     views_margin: Real = Real(DEFAULT_MARGIN)
+    """How far outside the cameras viewers stand, as a share of the distance between cameras."""
+
     keep_unseen: Switch = Switch(False)
-    intra_zero_bin: Real = Real(0.6)
+    """Keep what no such viewer sees, in coarser steps, instead of leaving it out."""
+
+    gof_size: WholeOrAuto = WholeOrAuto(None)
+    """Frames from one I-frame to the next, at most. None: the encoder chooses, 60 at most; 10 in profile
+    PAPER; 1 where the quality is "lossless"."""
+
+    frame_rate: Rate = Rate(Fraction(30))
+    """Frames per second to write into the file: 30, 29.97, "30000/1001" or a Fraction."""
+
+    order: Choice[OutputOrder] = Choice(OutputOrder.SEQUENCE)
+    """Order of decoded Gaussians: "sequence", the same in all frames; "input", the input's; "free", any."""
+
+    profile: Choice[Profile] = Choice(Profile.MAIN)
+    """"paper": P-frames as D-FCGS was published, motion by a network and nothing else, for comparison."""
+
     jobs: Processes = Processes(1)
+    """Processes; None: one for each core."""
+
+    tuning: Tuned = Tuned(EncoderTuning())
+    """Switches for experiments."""
 
     def __post_init__(self) -> None:
         checks = {
             f"--qp {self.qp}: {MIN_QP} to {MAX_QP} was expected": (
                 self.qp is None or MIN_QP <= self.qp <= MAX_QP
             ),
-            f"--psnr {self.quality}: {MIN_PSNR:g} to {MAX_PSNR:g} dB was expected": (
-                MIN_PSNR <= self.quality <= MAX_PSNR
+            f"--quality {self.quality:g}: {MIN_PSNR:g} to {MAX_PSNR:g} dB, or lossless, was expected": (
+                self.is_lossless or MIN_PSNR <= self.quality <= MAX_PSNR
             ),
+            "--qp with --quality lossless: choose one, for a QP quantises": (
+                self.qp is None or not self.is_lossless
+            ),
+            f"--gof-size {self.gof_size} with --quality lossless: P-frames are quantised, so that all "
+            "frames are I-frames; leave it out": (not self.is_lossless or self.gof_size in (None, 1)),
             f"--gof-size {self.gof_size}: auto, or 1 to {MAX_GOF_SIZE} was expected": (
                 self.gof_size is None or 1 <= self.gof_size <= MAX_GOF_SIZE
             ),
@@ -174,91 +147,75 @@ class EncoderOptions:
                 0 < self.frame_rate.numerator < _MAX_RATE_TERM
                 and self.frame_rate.denominator < _MAX_RATE_TERM
             ),
-            f"--control-spacing {self.control_spacing}: 1 or more was expected": self.control_spacing >= 1,
-            f"--control-neighbours {self.num_neighbours}: 1 to {MAX_NEIGHBOURS} was expected": (
-                1 <= self.num_neighbours <= MAX_NEIGHBOURS
-            ),
-            f"--latent-step {self.latent_step}: a power of two, 1/16 to 64, was expected": (
-                MIN_LATENT_STEP_LOG2 <= _log2(self.latent_step) <= MAX_LATENT_STEP_LOG2
-            ),
-            "--motion, --compensation, --steps, --balance, --exact and --prior belong to --profile main": (
-                self.profile == Profile.MAIN
-                or (
-                    (self.motion, self.compensation, self.prior)
-                    == (MotionMode.AUTO, Compensation.GATHER, PriorMode.AUTO)
-                    and self.visibility
-                    and self.balance
-                    and self.exact
-                )
-            ),
             f"--views-margin {self.views_margin}: 0 to {_MAX_VIEWS_MARGIN} was expected": (
                 0 <= self.views_margin <= _MAX_VIEWS_MARGIN
             ),
             "--views and --keep-unseen belong to --profile main": (
                 self.profile == Profile.MAIN or not (self.views or self.keep_unseen)
             ),
-            "--latent-step and --refinement belong to --profile paper": (
-                self.profile == Profile.PAPER
-                or (self.latent_step, self.refinement) == (1.0, RefinementMode.AUTO)
-            ),
             "--bound with --profile paper: its P-frames have no residual, so that no error can be bounded": (
                 not self.bounds or self.profile == Profile.MAIN
             ),
             f"--jobs {self.jobs}: 1 or more was expected": self.jobs >= 1,
-            f"zero_bin {self.zero_bin}: 0.5 to 1 was expected": 0.5 <= self.zero_bin <= 1.0,
-            f"intra_zero_bin {self.intra_zero_bin}: 0.5 to 1 was expected": 0.5 <= self.intra_zero_bin <= 1.0,
         }
+        tuned = self.tuning.changed()
+        for profile, names in _TUNED_IN.items():
+            known = ", ".join(f"EncoderTuning.{name}" for name in names if name in tuned)
+            checks[f"{known}: for --profile {profile.name.lower()} alone"] = (
+                not known or self.profile == profile
+            )
         for message, fine in checks.items():
             if not fine:
                 raise InputError(message)
 
+    def tuned(self, **changes: Any) -> EncoderOptions:
+        """These options with other values of some fields of `tuning`."""
+        return replace(self, tuning=replace(self.tuning, **changes))
+
     @property
-    def latent_step_log2(self) -> int:
-        """log2 of `latent_step`."""
-        return int(_log2(self.latent_step))
+    def is_lossless(self) -> bool:
+        """Whether every frame keeps its float32 values."""
+        return self.quality == math.inf
+
+    @property
+    def intra(self) -> IntraKind:
+        """How I-frames are coded."""
+        return IntraKind.PLY if self.is_lossless else self.tuning.intra
+
+    @property
+    def fixed_gof_size(self) -> int | None:
+        """Frames from one I-frame to the next; None: the encoder chooses."""
+        if self.gof_size is None and self.is_lossless:
+            return 1
+        return PAPER_GOF_SIZE if self.gof_size is None and self.profile == Profile.PAPER else self.gof_size
 
     @property
     def model(self) -> str:
         """Id of the model that the sequence names, empty where it needs none."""
         if self.profile == Profile.PAPER:
-            return self.model_id or DEFAULT_MODEL
-        return "" if self.prior == PriorMode.PLAIN else self.model_id or DEFAULT_PRIOR
+            return self.tuning.model_id or DEFAULT_MODEL
+        return "" if self.tuning.prior == PriorMode.PLAIN else self.tuning.model_id or DEFAULT_PRIOR
 
     def describe(self, qp: float) -> str:
         """The settings in one line, for the file's encoder information; `qp` as it was chosen."""
-        if self.profile == Profile.PAPER:
-            return self._describe_paper(qp)
-        motion = self.motion.value + ("/spread" if self.compensation == Compensation.SPREAD else "")
-        bounds = "".join(f" bound {bound.attribute}={bound.value:g}" for bound in self.bounds)
-        return (
-            f"dfcgs-codec {__version__} {self._asked}qp={qp:g} gof_size={self.gof_size or 'auto'}"
-            f" prior={self.prior.value}{'/' if self.model else ''}{self.model}"
-            f" motion={motion} control={self.control_rule.name.lower()}/{self.control_spacing}"
-            f" steps={self._steps}{'' if self.exact else ' exact=off'}{self._seen}"
-            f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
-        )
+        size = self.fixed_gof_size or "auto"
+        parts = [f"dfcgs-codec {__version__}", f"profile={self.profile.name.lower()}"]
+        if self.model:
+            parts.append(f"model={self.model}")
+        if self.is_lossless:
+            parts.append("quality=lossless")
+        else:
+            parts += [f"quality={self.quality:g}dB"] * (self.qp is None) + [f"qp={qp:g}"]
+        parts += [f"gof_size={size}", f"order={self.order.name.lower()}"]
+        parts += [f"bound:{bound.attribute}={bound.value:g}" for bound in self.bounds]
+        if self.views:
+            # how many cameras there are, never where they were read
+            parts.append(f"views={len(self.views.cameras)}/{self.views_margin:g}")
+        parts += ["keep_unseen"] * self.keep_unseen
+        parts += [f"{name}={_shown(value)}" for name, value in self.tuning.changed().items()]
+        return " ".join(parts)
 
-    @property
-    def _asked(self) -> str:
-        return f"quality={self.quality:g}dB " if self.qp is None else ""
 
-    @property
-    def _steps(self) -> str:
-        if not self.visibility:
-            return "uniform"
-        return "visibility" if self.balance else "visibility/nobalance"
-
-    @property
-    def _seen(self) -> str:
-        """How many cameras there are, never where they were read."""
-        views = f" views={len(self.views.cameras)}/{self.views_margin:g}" if self.views else ""
-        return views + (" keep_unseen" if self.keep_unseen else "")
-
-    def _describe_paper(self, qp: float) -> str:
-        return (
-            f"dfcgs-codec {__version__} profile=paper model={self.model} {self._asked}qp={qp:g}"
-            f" gof_size={self.gof_size or PAPER_GOF_SIZE} latent_step={self.latent_step:g}"
-            f" control={self.control_rule.name.lower()}/{self.control_spacing}"
-            f" neighbours={self.num_neighbours} refinement={self.refinement.value}"
-            f" intra={self.intra.name.lower()} order={self.order.name.lower()}"
-        )
+def _shown(value: Any) -> str:
+    """A value of the tuning without spaces."""
+    return str(value.name.lower() if isinstance(value, Enum) else value).replace(" ", "")

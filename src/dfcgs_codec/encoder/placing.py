@@ -131,7 +131,8 @@ def _in_intra_frames(state: FrameState, plan: SequencePlan, rule: IntraSteps) ->
     units = plan.quantisation.units
     steps = steps_in_intra_frame(state, units, rule)
     real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
-    return Quantised(_wide(state), real, units, plan.options.intra_zero_bin, rule.thin_octaves)
+    zero_bin = plan.options.tuning.intra_zero_bin
+    return Quantised(_wide(state), real, units, zero_bin, rule.thin_octaves)
 
 
 def _in_inter_frames(state: FrameState, plan: SequencePlan) -> Quantised:
@@ -143,4 +144,4 @@ def _in_inter_frames(state: FrameState, plan: SequencePlan) -> Quantised:
         a: by.astype(np.float64) * (quantisation.steps[a] / (1 << MULTIPLIER_BITS))
         for a, by in coarser.items()
     }
-    return Quantised(_wide(state), real, quantisation.units, plan.options.zero_bin)
+    return Quantised(_wide(state), real, quantisation.units, plan.options.tuning.zero_bin)

@@ -25,7 +25,14 @@ from dfcgs_codec.encoder.options import EncoderOptions
 from dfcgs_codec.encoder.patches import NEARBY_BIAS, PATCHES, Patch, patches_nearby
 from dfcgs_codec.encoder.placing import Balance, Look, balanced_plan, intra_errors
 from dfcgs_codec.encoder.plan import SequencePlan
-from dfcgs_codec.encoder.rate_control import MAX_QP, MIN_QP, expected_qp, plan_quantisation
+from dfcgs_codec.encoder.rate_control import (
+    MAX_QP,
+    MIN_QP,
+    REFERENCE_STEPS,
+    TYPICAL_QP,
+    expected_qp,
+    plan_quantisation,
+)
 from dfcgs_codec.encoder.shown import ALL, Region, Seen
 from dfcgs_codec.encoder.splats import Splats, alpha_of
 from dfcgs_codec.encoder.targets import Targets
@@ -134,18 +141,22 @@ class _Subject:
     def plan(self, qp: float) -> SequencePlan:
         """With the steps of a QP, not balanced."""
         options, headers = self.options, self.source.headers
+        tuning = options.tuning
         codes_main = options.profile == Profile.MAIN and options.intra == IntraKind.CODED
-        visibility = options.visibility and codes_main
-        quantisation = plan_quantisation(qp, options.bounds, _finite(self.cloud), visibility=visibility)
+        steps = tuning.reference_steps or REFERENCE_STEPS
+        visibility = tuning.visibility and codes_main
+        quantisation = plan_quantisation(
+            qp, options.bounds, _finite(self.cloud), steps, visibility=visibility
+        )
         if options.intra == IntraKind.PLY:
             quantisation = quantisation.with_float32_positions()
-        if options.exact and codes_main:
+        if tuning.exact and codes_main:
             quantisation = keep_exactly(quantisation, self.source, self._lattices, self.first.sh_degree)
         model = installed(options.model) if options.model else None
         most = max(header.num_gaussians for header in headers)
         header = SequenceHeader(
             profile=options.profile,
-            level=_level(most, len(headers), options.control_spacing),
+            level=_level(most, len(headers), options.tuning.control_spacing),
             sh_degree=sequence_sh_degree(headers),
             output_order=options.order,
             frame_rate=(options.frame_rate.numerator, options.frame_rate.denominator),
@@ -239,7 +250,7 @@ class _Estimator:
         trial = self.tried(expected_qp(options.qp, options.quality))
         if options.qp is None:
             trial = self._searched(trial, options.quality + _MARGIN)
-        if not (trial.looks and options.balance):
+        if not (trial.looks and options.tuning.balance):
             return trial.plan
         return balanced_plan(trial.plan, trial.looks, trial.found)
 
@@ -304,9 +315,20 @@ def _seen_from(subject: _Subject, region: Region) -> tuple[Region, dict[int, See
     return region, {index: region.seen(found) for index, (_, found) in weights.items()}
 
 
+def _lossless(subject: _Subject) -> SequencePlan:
+    """With steps of P-frames, of which there are none, and a note where float32 is not all of the input."""
+    plan, positions = subject.plan(TYPICAL_QP), subject.first.positions
+    with np.errstate(over="ignore"):
+        is_kept = np.array_equal(positions.astype(np.float32), positions, equal_nan=True)
+    note = "positions have more digits than float32 holds: --quality lossless rounds them to float32"
+    return replace(plan, quantisation=replace(plan.quantisation, notes=() if is_kept else (note,)))
+
+
 def plan_sequence(source: FrameSource, options: EncoderOptions) -> SequencePlan:
     """Header, grids and steps, from the input's headers and its first frame."""
     subject = _subject(source, options)
+    if options.is_lossless:
+        return _lossless(subject)
     if options.views is None or not subject.first.num_gaussians:
         return _Estimator(subject, None).planned()
     positions = _finite(subject.first).positions.astype(np.float64)

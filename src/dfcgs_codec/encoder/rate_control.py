@@ -29,11 +29,11 @@ QUALITIES = {"low": 32.0, "medium": 37.0, "high": 42.0, "transparent": 50.0}
 #: PSNRs that can be asked for, dB
 MIN_PSNR, MAX_PSNR = 15.0, 70.0
 #: where the search for the QP of a quality begins: scenes differ by 6 dB to both sides
-_TYPICAL_QP, _TYPICAL_PSNR = 28.0, 37.0
+TYPICAL_QP, _TYPICAL_PSNR = 28.0, 37.0
 REFERENCE_QP = 22
 #: steps at the reference QP and for REFERENCE_VALUES values to a Gaussian (SH degree 2); position: in typical
 #: Gaussian sizes; rotation: stereographic. Their ratios give the last bit of each attribute about the same
-#: effect in the rendered image (evaluation/allocation.py)
+#: effect in the rendered image (evaluation/experiments/i_frames/allocation.py)
 REFERENCE_STEPS = {
     Attribute.POSITION: 1 / 8,
     Attribute.SCALE: 1 / 10,
@@ -73,7 +73,7 @@ _COARSEST_EXPONENT = -12
 
 def expected_qp(qp: float | None, quality: float) -> float:
     """`qp`, or the one that gives the `quality`, dB, in a typical scene."""
-    typical = _TYPICAL_QP - (quality - _TYPICAL_PSNR) * QP_PER_OCTAVE / _DB_PER_OCTAVE
+    typical = TYPICAL_QP - (quality - _TYPICAL_PSNR) * QP_PER_OCTAVE / _DB_PER_OCTAVE
     return min(max(typical, MIN_QP), MAX_QP) if qp is None else qp
 
 
@@ -224,14 +224,19 @@ def _limits(bounds: tuple[Bound, ...]) -> dict[Attribute, float]:
 
 
 def plan_quantisation(
-    qp: float, bounds: tuple[Bound, ...], first: GaussianCloud, *, visibility: bool = True
+    qp: float,
+    bounds: tuple[Bound, ...],
+    first: GaussianCloud,
+    reference_steps: Mapping[Attribute, float] = REFERENCE_STEPS,
+    *,
+    visibility: bool = True,
 ) -> Quantisation:
-    """Grids and steps for a sequence; `first` is its first frame.
+    """Grids and steps for a sequence; `first` is its first frame, `reference_steps` those at REFERENCE_QP.
 
     `visibility`: whether steps of I-frames follow it, but for those that are bounded. Where grids that suit
     the steps do not reach all Gaussians of the frame, a note says what becomes of these.
     """
-    real = {attribute: step * _factor(attribute, qp, first) for attribute, step in REFERENCE_STEPS.items()}
+    real = {attribute: step * _factor(attribute, qp, first) for attribute, step in reference_steps.items()}
     real[Attribute.POSITION] *= typical_size(first)
     limits = {a: max(step - _spacing(a, first), step / 2) for a, step in _limits(bounds).items()}
     real |= limits

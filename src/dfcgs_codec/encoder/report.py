@@ -128,10 +128,11 @@ class EncodeReport:
     """Frames, file size, measured errors, and notes about the input.
 
     `held_frames`: P-frames whose profile kept what changed in the input besides position and rotation;
-    `num_escapes`: values that the grids do not hold, in `escaped_frames`; `qp` that was chosen;
-    `estimated_psnr` of images, dB, None where nothing can be said; `num_unseen`: Gaussians of the first frame
-    that show from none of the cameras and are left out, None without cameras, and `unseen_cost_db`: what that
-    costs of the PSNR of images, dB; `behind`: by how many dB each frame seems worse than an I-frame there.
+    `num_escapes`: values that the grids do not hold, in `escaped_frames`; `qp` that was chosen, None of
+    lossless files; `estimated_psnr` of images, dB, None where nothing can be said; `num_unseen`: Gaussians of
+    the first frame that show from none of the cameras and are left out, None without cameras, and
+    `unseen_cost_db`: what that costs of the PSNR of images, dB; `behind`: by how many dB each frame seems
+    worse than an I-frame there.
     """
 
     frames: list[FrameRecord] = field(default_factory=list)

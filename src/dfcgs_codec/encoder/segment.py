@@ -32,7 +32,6 @@ from dfcgs_codec.encoder.identity import Members, Succession, found_members, sam
 from dfcgs_codec.encoder.inter_coding import Births, InterCoder, InterTask
 from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
 from dfcgs_codec.encoder.off_grid import Grids, in_gof_order, with_escapes
-from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.placing import Placing
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.reference import CodedGof, CodedReference, CodedSegment, InputFrame, RunStart
@@ -40,6 +39,7 @@ from dfcgs_codec.encoder.report import FrameRecord
 from dfcgs_codec.encoder.shown import Shown
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.triage import is_tracked
+from dfcgs_codec.encoder.tuning import MotionMode
 from dfcgs_codec.encoder.turn_choice import settled_names
 from dfcgs_codec.encoder.watch import Watch
 from dfcgs_codec.gaussians import GaussianCloud
@@ -144,7 +144,7 @@ class SegmentEncoder:
         if not found or min(len(loop.coded.data) for loop in found) > limit:
             found.append(self._intra(index, frame))
         best = min(found, key=lambda loop: len(loop.coded.data))
-        free = self._plan.options.motion in (MotionMode.AUTO, MotionMode.OFF)
+        free = self._plan.options.tuning.motion in (MotionMode.AUTO, MotionMode.OFF)
         if before is None or best.succession is None or best.coded.kind != "P" or not free:
             return best
         if self._is_behind(best):
@@ -269,9 +269,8 @@ class SegmentEncoder:
         is_first = not tracked or index == first
         names = (placing.names if is_first else self._settled(first, anchor)).take(order)
         target = Members(order, names).target(planes)
-        wanted = placing.intra.target(
-            target, order, self._plan.quantisation, self._plan.options.intra_zero_bin
-        )
+        zero_bin = self._plan.options.tuning.intra_zero_bin
+        wanted = placing.intra.target(target, order, self._plan.quantisation, zero_bin)
         wanted = replace(wanted, permutation=permutation, keeps_names=not is_first)
         coded = code_intra_frame(index, IntraTask(wanted, grid), self._plan.gof_setup)
         self._inter_coder.begin(placing.intra.steps)

@@ -23,7 +23,7 @@ def spread_header(plan: SequencePlan, num_points: int) -> MotionHeader:
     """All control points are coded; motion fades by e over one scene unit."""
     exponent = plan.gof_setup.control.shift + plan.header.unit_exponents.position
     spread = SpreadHeader(
-        plan.options.num_neighbours, int(np.clip(exponent, -MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT))
+        plan.options.tuning.num_neighbours, int(np.clip(exponent, -MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT))
     )
     shift = max(1, int(plan.steps[Attribute.POSITION] * TRANSLATION_SHARE))
     # a quaternion changes by about twice its stereographic vector

@@ -25,6 +25,7 @@ from dfcgs_codec.errors import (
     VerificationError,
 )
 from dfcgs_codec.model.registry import installed
+from lab.options import encoder_options
 from tests.helpers import (
     Chunk,
     all_changing,
@@ -153,7 +154,7 @@ def test_every_shorter_payload_is_corrupt(chunks: list[Chunk], at: int) -> None:
 def test_damage_behind_a_right_checksum_is_refused_or_decodes(tmp_path: Path, kind: IntraKind) -> None:
     """Nothing but BitstreamError and VerificationError comes out, whatever a byte is changed to."""
     frames = all_changing(make_cloud(3 if kind == IntraKind.PLY else 33), 2)
-    encode(frames, tmp_path / "a.dgs", EncoderOptions(intra=kind))
+    encode(frames, tmp_path / "a.dgs", encoder_options(intra=kind))
     chunks = split_chunks((tmp_path / "a.dgs").read_bytes())
     refused = tried = 0
     for at, chunk in enumerate(chunks):

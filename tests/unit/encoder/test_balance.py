@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfcgs_codec import EncoderOptions, encode_sequence, probe
+from dfcgs_codec import encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, bits_per_octave, no_worse, total_error
 from dfcgs_codec.encoder.patches import patches_nearby
@@ -19,6 +19,7 @@ from dfcgs_codec.encoder.splats import Splats
 from dfcgs_codec.encoder.targets import Targets
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import MemorySource
+from lab.options import encoder_options
 from tests.helpers import FIELDS, make_cloud
 
 COUNT = 1500
@@ -209,7 +210,7 @@ def test_errors_are_kept_below_a_limit() -> None:
 
 
 def plan_of(clouds: list[GaussianCloud], **options: object) -> SequencePlan:
-    return plan_sequence(MemorySource(clouds), EncoderOptions(**options))  # type: ignore[arg-type]
+    return plan_sequence(MemorySource(clouds), encoder_options(**options))  # type: ignore[arg-type]
 
 
 def test_the_first_frame_decides_for_the_sequence() -> None:
@@ -237,7 +238,7 @@ def test_an_opaque_scene_gets_smaller(tmp_path: Path) -> None:
     sizes = {}
     for balance in (True, False):
         path = tmp_path / f"{balance}.dgs"
-        encode_sequence([ball(alpha=0.995)], path, EncoderOptions(qp=24, balance=balance))
+        encode_sequence([ball(alpha=0.995)], path, encoder_options(qp=24, balance=balance))
         sizes[balance] = path.stat().st_size
-        assert ("/nobalance" in probe(path).encoder_info) is not balance
+        assert ("balance=False" in probe(path).encoder_info) is not balance
     assert sizes[True] < sizes[False]

@@ -13,6 +13,7 @@ from dfcgs_codec.errors import InputError
 from dfcgs_codec.model.registry import DEFAULT_PRIOR
 from dfcgs_codec.ply import PlyHeader
 from dfcgs_codec.sequence import MemorySource
+from lab.options import encoder_options
 from tests.helpers import make_cloud, still
 
 
@@ -56,7 +57,7 @@ def test_the_header_says_what_was_asked_for() -> None:
 
 
 def test_without_a_prior_the_header_names_no_model() -> None:
-    header = plan_sequence(FakeSource([4, 4]), EncoderOptions(prior=PriorMode.PLAIN)).header
+    header = plan_sequence(FakeSource([4, 4]), encoder_options(prior=PriorMode.PLAIN)).header
     assert (header.model_id, header.model_hash) == ("", b"")
 
 

@@ -7,7 +7,6 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from dfcgs_codec import EncoderOptions
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.codec.decoder import SequenceDecoder
@@ -17,6 +16,7 @@ from dfcgs_codec.encoder.frame_coding import CodedFrame
 from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.segment import SegmentEncoder
 from dfcgs_codec.sequence import MemorySource
+from lab.options import encoder_options
 from tests.helpers import all_changing, drifting, make_cloud
 
 
@@ -45,7 +45,7 @@ def test_states_are_equal_plane_by_plane(
 ) -> None:
     frames = all_changing(make_cloud(40, 1), 3) + drifting(make_cloud(30, 1), 2)
     source = MemorySource(frames)
-    plan = plan_sequence(source, EncoderOptions(intra=intra, order=order, gof_size=9))
+    plan = plan_sequence(source, encoder_options(intra=intra, order=order, gof_size=9))
     tried = coded_frames(monkeypatch)
     segment = SegmentEncoder(source, plan).encode(0, len(frames))
     file = BytesIO()

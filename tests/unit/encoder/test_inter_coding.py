@@ -11,6 +11,7 @@ import pytest
 from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence, probe
 from dfcgs_codec.encoder import frame_coding, inter_coding
 from dfcgs_codec.encoder.inter_coding import InterCoder
+from lab.options import encoder_options
 from tests.helpers import real_cloud, succeeding
 
 
@@ -64,7 +65,7 @@ def test_births_are_coded_once_whatever_motion_is_tried(
     monkeypatch.setattr(frame_coding, "code_topology", counted_topology)
     path = tmp_path / "births.dgs"
     clouds = succeeding(real_cloud(600), 4)
-    encode_sequence(clouds, path, EncoderOptions(control_spacing=20, jobs=1))
+    encode_sequence(clouds, path, encoder_options(control_spacing=20, jobs=1))
     assert coded == sum(frame.frame_type == "P" for frame in probe(path).frames) == 3
     assert frames > coded
     decoded = [frame.cloud().num_gaussians for frame in decode_sequence(path)]

@@ -15,17 +15,18 @@ from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.latent_motion import LatentReference
 from dfcgs_codec.encoder.latent_coding import frequency_encoding
-from dfcgs_codec.encoder.options import MotionMode, RefinementMode
 from dfcgs_codec.encoder.rate_control import Bound
 from dfcgs_codec.encoder.report import EncodeReport
+from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from dfcgs_codec.errors import CorruptBitstream, ModelMismatch
 from dfcgs_codec.model import registry
 from dfcgs_codec.model.registry import register
 from dfcgs_codec.sequence import open_folder
+from lab.options import encoder_options
 from tests.helpers import make_cloud, write_frames
 from tests.latent_models import random_model
 
-PAPER = EncoderOptions(profile=Profile.PAPER, model_id="random")
+PAPER = encoder_options(profile=Profile.PAPER, model_id="random")
 
 
 @pytest.fixture(autouse=True)
@@ -57,7 +58,7 @@ def decode(path: Path) -> list[GaussianCloud]:
 
 def test_what_is_decoded_is_what_was_coded(tmp_path: Path) -> None:
     frames = moving(make_cloud(500, 2, 3), 4)
-    report, target = encode(tmp_path, frames, replace(PAPER, refinement=RefinementMode.ON))
+    report, target = encode(tmp_path, frames, encoder_options(PAPER, refinement=RefinementMode.ON))
     assert [f.kind for f in report.frames] == ["I", "P", "P", "P"]
     # every hash is checked
     assert len(decode(target)) == 4
@@ -141,7 +142,7 @@ def test_what_else_changes_is_held_and_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize("without", [("hyper_synthesis",), ("grid_context", "appearance"), ("refinement",)])
 def test_models_that_lack_a_part(tmp_path: Path, without: tuple[str, ...]) -> None:
     register(random_model("part", without=without))
-    options = replace(PAPER, model_id="part", refinement=RefinementMode.ON, intra=IntraKind.PLY)
+    options = encoder_options(PAPER, model_id="part", refinement=RefinementMode.ON, intra=IntraKind.PLY)
     report, target = encode(tmp_path, moving(make_cloud(300, 1, 3), 3), options)
     assert len(decode(target)) == len(report.frames) == 3
     chunks = probe(target).chunk_bytes
@@ -151,14 +152,16 @@ def test_models_that_lack_a_part(tmp_path: Path, without: tuple[str, ...]) -> No
 
 @pytest.mark.parametrize("step", [1 / 16, 0.5, 4, 64])
 def test_steps(tmp_path: Path, step: float) -> None:
-    report, target = encode(tmp_path, moving(make_cloud(300, 0, 3), 2), replace(PAPER, latent_step=step))
+    report, target = encode(
+        tmp_path, moving(make_cloud(300, 0, 3), 2), encoder_options(PAPER, latent_step=step)
+    )
     assert len(decode(target)) == len(report.frames)
 
 
 @pytest.mark.parametrize("step", [0, -1, 3, 1 / 32, 128, float("nan"), float("inf")])
 def test_other_steps_are_refused(step: float) -> None:
-    with pytest.raises(InputError, match="latent-step"):
-        replace(PAPER, latent_step=step)
+    with pytest.raises(InputError, match="latent_step"):
+        encoder_options(PAPER, latent_step=step)
 
 
 @pytest.mark.parametrize(
@@ -166,14 +169,14 @@ def test_other_steps_are_refused(step: float) -> None:
     [{"motion": MotionMode.OFF}, {"compensation": Compensation.SPREAD}, {"visibility": False}],
 )
 def test_options_of_the_other_profile_are_refused(changes: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match="belong to --profile main"):
-        replace(PAPER, **changes)
+    with pytest.raises(InputError, match="for --profile main alone"):
+        encoder_options(PAPER, **changes)
 
 
 @pytest.mark.parametrize("changes", [{"latent_step": 2}, {"refinement": RefinementMode.OFF}])
 def test_options_of_this_profile_are_refused_elsewhere(changes: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match="belong to --profile paper"):
-        EncoderOptions(**changes)
+    with pytest.raises(InputError, match="for --profile paper alone"):
+        encoder_options(**changes)
 
 
 def test_bounds_cannot_be_kept() -> None:
@@ -183,7 +186,7 @@ def test_bounds_cannot_be_kept() -> None:
 
 def test_a_model_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(ModelMismatch, match="nowhere"):
-        encode(tmp_path, [make_cloud(5)], replace(PAPER, model_id="nowhere"))
+        encode(tmp_path, [make_cloud(5)], encoder_options(PAPER, model_id="nowhere"))
 
 
 def test_another_model_of_the_same_name_is_refused(tmp_path: Path) -> None:
@@ -194,7 +197,7 @@ def test_another_model_of_the_same_name_is_refused(tmp_path: Path) -> None:
 
 
 def test_refinement_that_the_model_lacks_is_refused(tmp_path: Path) -> None:
-    options = replace(PAPER, refinement=RefinementMode.ON)
+    options = encoder_options(PAPER, refinement=RefinementMode.ON)
     _, target = encode(tmp_path, moving(make_cloud(200, 1, 3), 2), options)
     with target.open("rb") as file:
         decoder = SequenceDecoder(file)

@@ -13,6 +13,7 @@ from dfcgs_codec.encoder.descriptors import match_bits
 from dfcgs_codec.encoder.matching import match
 from dfcgs_codec.encoder.nearest import certain_pairs, mutual, tree
 from dfcgs_codec.gaussians import GaussianCloud
+from lab.scenes import MOTIONS, SceneOptions, permuted_with_ids, trained_sequence
 from tests.helpers import (
     FIELDS,
     clustered_cloud,
@@ -24,7 +25,6 @@ from tests.helpers import (
     untracked,
     with_outliers,
 )
-from training.scenes import MOTIONS, SceneOptions, permuted_with_ids, trained_sequence
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]

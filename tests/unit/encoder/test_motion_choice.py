@@ -11,10 +11,11 @@ import pytest
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import ControlRule
 from dfcgs_codec.encoder.motion_judge import lasting_bits, residual_bits
-from dfcgs_codec.encoder.options import MotionMode
+from dfcgs_codec.encoder.tuning import MotionMode
+from lab.options import encoder_options
 from tests.helpers import all_changing, make_cloud, real_cloud, still, travelling, waving
 
-OFF = EncoderOptions(motion=MotionMode.OFF)
+OFF = encoder_options(motion=MotionMode.OFF)
 
 
 def small(count: int, seed: int = 0) -> GaussianCloud:
@@ -35,7 +36,7 @@ def sizes(frames: list[GaussianCloud], folder: Path, options: EncoderOptions) ->
 def test_a_turning_part_costs_little(rule: ControlRule, tmp_path: Path) -> None:
     cloud = small(3000)
     frames = [waving(cloud, 0.05 * index) for index in range(5)]
-    with_motion = sizes(frames, tmp_path, EncoderOptions(control_rule=rule, control_spacing=40))
+    with_motion = sizes(frames, tmp_path, encoder_options(control_rule=rule, control_spacing=40))
     without = sizes(frames, tmp_path, OFF)
     assert all("MOTION" in frame for frame in with_motion)
     assert sum(f["all"] for f in with_motion) < 0.5 * sum(f["all"] for f in without)
@@ -47,7 +48,7 @@ def test_what_stands_still_beside_motion_keeps_every_bit(tmp_path: Path) -> None
     cloud = small(2000)
     frames = [waving(cloud, 0.05 * index) for index in range(4)]
     path = tmp_path / "sequence.dgs"
-    encode_sequence(frames, path, EncoderOptions(qp=28, control_spacing=40))
+    encode_sequence(frames, path, encoder_options(qp=28, control_spacing=40))
     decoded = [frame.state.planes for frame in decode_sequence(path)]
     changed = np.zeros(2000, bool)
     for planes in decoded[1:]:
@@ -71,9 +72,9 @@ def test_motion_that_does_not_pay_is_absent(frames: list[GaussianCloud], tmp_pat
 
 def test_motion_can_be_forced_and_left_alone(tmp_path: Path) -> None:
     frames = all_changing(make_cloud(300), 3)
-    forced = sizes(frames, tmp_path, EncoderOptions(motion=MotionMode.ON))
+    forced = sizes(frames, tmp_path, encoder_options(motion=MotionMode.ON))
     assert all("MOTION" in frame for frame in forced)
-    alone = sizes(frames, tmp_path, EncoderOptions(motion=MotionMode.ONLY))
+    alone = sizes(frames, tmp_path, encoder_options(motion=MotionMode.ONLY))
     assert all(set(frame) == {"MOTION", "all"} for frame in alone)
 
 
@@ -83,7 +84,7 @@ def test_outliers_and_coincident_gaussians(tmp_path: Path) -> None:
     positions[:5] *= 1000
     positions[100:200] = positions[100]
     cloud = replace(cloud, positions=positions)
-    found = sizes([waving(cloud, 0.02 * i) for i in range(3)], tmp_path, EncoderOptions(control_spacing=15))
+    found = sizes([waving(cloud, 0.02 * i) for i in range(3)], tmp_path, encoder_options(control_spacing=15))
     assert len(found) == 2
 
 

@@ -1,13 +1,17 @@
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from typing import Any
 
 import pytest
 
-from dfcgs_codec import Bound, EncoderOptions
+from dfcgs_codec import Bound, EncoderOptions, EncoderTuning
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
+from dfcgs_codec.encoder.rate_control import REFERENCE_STEPS
+from dfcgs_codec.encoder.tuning import MotionMode
 from dfcgs_codec.errors import InputError
+from lab.options import encoder_options
 
 
 @pytest.mark.parametrize(
@@ -31,9 +35,9 @@ from dfcgs_codec.errors import InputError
     ],
 )
 def test_values_out_of_range_are_refused_by_name(name: str, value: Any) -> None:
-    names = {"gof_size": "--gof-size", "frame_rate": "--fps", "zero_bin": "zero_bin", "quality": "--psnr"}
+    names = {"gof_size": "--gof-size", "frame_rate": "--fps", "zero_bin": "EncoderTuning.zero_bin"}
     with pytest.raises(InputError, match=names.get(name, f"--{name}")):
-        EncoderOptions(**{name: value})
+        encoder_options(**{name: value})
 
 
 def test_limits_themselves_are_fine() -> None:
@@ -46,17 +50,22 @@ def test_limits_themselves_are_fine() -> None:
         {"gof_size": 1 << 16},
         {"zero_bin": 0.5},
     ):
-        EncoderOptions(**options)
+        encoder_options(**options)
 
 
 def test_describe_is_one_line_with_all_that_matters() -> None:
-    options = EncoderOptions(
-        qp=20.5, bounds=(Bound("alpha", 0.01),), gof_size=7, intra=IntraKind.PLY, order=OutputOrder.FREE
+    options = encoder_options(
+        qp=20.5,
+        bounds=(Bound("alpha", 0.01),),
+        gof_size=7,
+        intra=IntraKind.PLY,
+        order=OutputOrder.FREE,
+        turns=False,
     )
     line = options.describe(20.5)
     assert "quality" not in line
     assert "quality=40dB qp=25.3" in EncoderOptions(quality=40).describe(25.3)
-    for part in ("qp=20.5", "gof_size=7", "intra=ply", "order=free", "bound alpha=0.01"):
+    for part in ("qp=20.5", "gof_size=7", "intra=ply", "order=free", "bound:alpha=0.01", "turns=False"):
         assert part in line
     assert "\n" not in line
 
@@ -67,3 +76,29 @@ def test_a_qp_comes_before_a_quality_and_a_quality_may_have_a_name() -> None:
     assert EncoderOptions().qp is None
     with pytest.raises(InputError, match='quality="high"'):
         EncoderOptions(qp="high")  # type: ignore[arg-type]
+
+
+def test_lossless_has_i_frames_only_of_float32_values() -> None:
+    options = EncoderOptions(quality="lossless")
+    assert (options.is_lossless, options.intra, options.fixed_gof_size) == (True, IntraKind.PLY, 1)
+    assert EncoderOptions(quality=math.inf) == options
+    assert "quality=lossless gof_size=1" in options.describe(28)
+    assert (EncoderOptions().intra, EncoderOptions().fixed_gof_size) == (IntraKind.CODED, None)
+    assert EncoderOptions(profile="paper").fixed_gof_size == 10
+    for contradiction in ({"qp": 20}, {"gof_size": 2}):
+        with pytest.raises(InputError, match="with --quality lossless"):
+            EncoderOptions(quality="lossless", **contradiction)
+
+
+def test_tuning_is_checked_and_changed_by_name() -> None:
+    options = EncoderOptions(qp=20, tuning=EncoderTuning(motion="off")).tuned(balance=False)
+    assert (options.qp, options.tuning) == (20, EncoderTuning(motion="off", balance=False))
+    assert options.tuning.changed() == {"motion": MotionMode.OFF, "balance": False}
+    with pytest.raises(InputError, match=r"EncoderOptions.tuning: found .* expected EncoderTuning"):
+        EncoderOptions(tuning={"motion": "off"})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("steps", [{}, 1.0, dict.fromkeys(REFERENCE_STEPS, 0.0), {"position": 1.0}])
+def test_reference_steps_are_steps_of_all_attributes(steps: Any) -> None:
+    with pytest.raises(InputError, match=r"EncoderTuning\.reference_steps"):
+        EncoderTuning(reference_steps=steps)

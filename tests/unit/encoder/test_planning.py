@@ -18,8 +18,9 @@ from dfcgs_codec.encoder.splats import Splats
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.views.camera import ViewCamera, Views
-from tests.helpers import all_changing, coincident_cloud, joined, make_cloud, real_cloud, with_outliers
-from tests.rooms import gaussians, looking, room, viewers
+from lab.options import encoder_options
+from lab.small_clouds import all_changing, coincident_cloud, joined, make_cloud, real_cloud, with_outliers
+from lab.small_room import gaussians, looking, room, viewers
 
 NAMES = {"low": 32.0, "medium": 37.0, "high": 42.0, "transparent": 50.0}
 
@@ -39,7 +40,7 @@ def around() -> Views:
 
 
 def plan_of(clouds: list[GaussianCloud], **options: Any) -> SequencePlan:
-    return plan_sequence(MemorySource(clouds), EncoderOptions(**options))
+    return plan_sequence(MemorySource(clouds), encoder_options(**options))
 
 
 @pytest.mark.parametrize("quality", [32.0, 42.0, 50.0])
@@ -184,7 +185,7 @@ CLOUDS: dict[str, list[GaussianCloud]] = {
 
 def check(frames: list[GaussianCloud], path: Path, **options: Any) -> None:
     """Encodes and decodes, and what is kept is as many as was said."""
-    report = encode_sequence(frames, path, EncoderOptions(**options))
+    report = encode_sequence(frames, path, encoder_options(**options))
     decoded = list(decode_sequence(path))
     assert [frame.num_gaussians for frame in report.frames] == [d.cloud().num_gaussians for d in decoded]
     for frame, kept in zip(frames, report.frames, strict=True):
@@ -287,3 +288,12 @@ def test_the_next_qp_is_by_slope_or_between(tried: list[tuple[float, float]], be
 def test_where_no_qp_changes_anything_the_search_ends() -> None:
     bounds = {"position": 0.01, "rotation": 2, "scale": 0.1, "alpha": 0.02, "colour": 0.02, "sh": 0.02}
     assert plan_of([ball()], bounds=bounds).estimate is not None
+
+
+def test_lossless_says_where_float32_is_not_enough(tmp_path: Path) -> None:
+    cloud = ball()
+    far = replace(cloud, positions=cloud.positions.astype(np.float64) + 1e6)
+    for frame, notes in ((cloud, 0), (far, 1)):
+        report = encode_sequence([frame], tmp_path / "a.dgs", EncoderOptions(quality="lossless"), force=True)
+        assert sum("rounds them to float32" in note for note in report.notes) == notes
+        assert (report.errors["position"].maximum > 0) == bool(notes)

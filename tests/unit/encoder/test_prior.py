@@ -9,23 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec import GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.bitstream.constants import Attribute, Compensation, Profile
 from dfcgs_codec.codec.activity import AttributeActivity
-from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.prior_choice import PriorChoice, PriorMode
+from dfcgs_codec.encoder.tuning import MotionMode
 from dfcgs_codec.errors import InputError, ModelMismatch
 from dfcgs_codec.model import registry
+from lab.options import encoder_options
 from tests.context_models import random_prior
-from tests.helpers import (
-    all_changing,
-    drifting,
-    make_cloud,
-    real_cloud,
-    same_cloud,
-    succeeding,
-    waving,
-)
+from tests.helpers import all_changing, drifting, make_cloud, real_cloud, same_cloud, succeeding, waving
 
 MOVING = {"motion": MotionMode.ON, "control_spacing": 15}
 
@@ -60,7 +53,7 @@ def sequences() -> dict[str, tuple[list[GaussianCloud], dict]]:
 
 def coded(frames: list[GaussianCloud], path: Path, **options: object) -> list[GaussianCloud]:
     """What comes out again, hashes checked."""
-    encode_sequence(frames, path, EncoderOptions(**options), force=True)  # type: ignore[arg-type]
+    encode_sequence(frames, path, encoder_options(**options), force=True)  # type: ignore[arg-type]
     return [frame.cloud() for frame in decode_sequence(path)]
 
 
@@ -106,8 +99,8 @@ def test_models_of_the_other_profile_are_refused(tmp_path: Path) -> None:
     for profile, model in ((Profile.MAIN, "paper-1"), (Profile.PAPER, "main-1")):
         with pytest.raises(ModelMismatch, match=f"not one of profile {profile.name.lower()}"):
             coded(frames, tmp_path / "a.dgs", profile=profile, model_id=model)
-    with pytest.raises(InputError, match="--prior"):
-        EncoderOptions(profile=Profile.PAPER, prior=PriorMode.PLAIN)
+    with pytest.raises(InputError, match=r"EncoderTuning\.prior: for --profile main alone"):
+        encoder_options(profile=Profile.PAPER, prior=PriorMode.PLAIN)
 
 
 def test_both_ways_are_tried_now_and_then() -> None:

@@ -11,8 +11,9 @@ from dfcgs_codec.encoder.projection import BLUR, project
 from dfcgs_codec.encoder.splats import Splats
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.views.camera import ViewCamera
-from tests.helpers import covariances, make_cloud
-from tests.rooms import gaussians, looking
+from lab.small_clouds import make_cloud
+from lab.small_room import gaussians, looking
+from tests.helpers import covariances
 
 CAMERA = looking((1.0, -2.0, -6.0), (0.1, 0.2, 0.3), (320, 240), 250.0)
 

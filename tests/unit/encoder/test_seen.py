@@ -9,8 +9,8 @@ import pytest
 
 from dfcgs_codec.encoder.seen import largest_weights
 from dfcgs_codec.encoder.splats import Splats
-from tests.helpers import joined, make_cloud
-from tests.rooms import NUM_WALLS, gaussians, looking, room, viewers
+from lab.small_clouds import joined, make_cloud
+from lab.small_room import NUM_WALLS, gaussians, looking, room, viewers
 
 AHEAD = looking((0, 0, -5), (0, 0, 0), (480, 360), 400.0)
 NEAR = 0.01

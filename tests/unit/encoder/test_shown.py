@@ -12,8 +12,8 @@ from dfcgs_codec.encoder.shown import ALL, Region, Seen, Shown, error_without, l
 from dfcgs_codec.encoder.splats import Splats
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.views.camera import Views
-from tests.helpers import make_cloud, same_cloud
-from tests.rooms import NUM_WALLS, looking, room, viewers
+from lab.small_clouds import make_cloud, same_cloud
+from lab.small_room import NUM_WALLS, looking, room, viewers
 
 BEFORE = slice(NUM_WALLS, NUM_WALLS + 40)
 BEHIND = slice(NUM_WALLS + 40, None)

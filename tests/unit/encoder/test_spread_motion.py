@@ -10,11 +10,12 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Compensation, OutputOrder
-from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.prior_choice import PriorMode
+from dfcgs_codec.encoder.tuning import MotionMode
+from lab.options import encoder_options
 from tests.helpers import all_changing, make_cloud, still, succeeding, travelling, waving
 
-PAPER = EncoderOptions(compensation=Compensation.SPREAD, control_spacing=20, qp=20, order=OutputOrder.INPUT)
+PAPER = encoder_options(compensation=Compensation.SPREAD, control_spacing=20, qp=20, order=OutputOrder.INPUT)
 
 
 def small(count: int) -> GaussianCloud:
@@ -40,7 +41,7 @@ def test_a_residual_makes_up_for_what_the_rule_misses(tmp_path: Path) -> None:
     cloud = small(1000)
     frames = [waving(cloud, 0.05 * index) for index in range(4)]
     first = apart(frames[0], code(frames[:1], tmp_path, PAPER)[0][0])
-    decoded, points = code(frames, tmp_path, replace(PAPER, motion=MotionMode.ON, visibility=False))
+    decoded, points = code(frames, tmp_path, encoder_options(PAPER, motion=MotionMode.ON, visibility=False))
     assert points == [0, 50, 50, 50]
     assert max(apart(*pair) for pair in zip(frames, decoded, strict=True)) < 1.3 * first
 
@@ -48,7 +49,7 @@ def test_a_residual_makes_up_for_what_the_rule_misses(tmp_path: Path) -> None:
 def test_every_control_point_gives_its_own_displacement(tmp_path: Path) -> None:
     """A Gaussian that two control points reach moves twice its share: the rule is not a mean."""
     frames = travelling(small(400), 2, speed=0.5)
-    decoded, _ = code(frames, tmp_path, replace(PAPER, motion=MotionMode.ONLY))
+    decoded, _ = code(frames, tmp_path, encoder_options(PAPER, motion=MotionMode.ONLY))
     went = decoded[1].positions - decoded[0].positions
     speed = frames[1].positions[0] - frames[0].positions[0]
     # what all control points give is what they move, all together
@@ -59,18 +60,18 @@ def test_every_control_point_gives_its_own_displacement(tmp_path: Path) -> None:
 @pytest.mark.parametrize("mode", [MotionMode.ON, MotionMode.ONLY])
 def test_births_and_deaths(mode: MotionMode, tmp_path: Path) -> None:
     frames = succeeding(small(400), 5)
-    decoded, points = code(frames, tmp_path, replace(PAPER, motion=mode))
+    decoded, points = code(frames, tmp_path, encoder_options(PAPER, motion=mode))
     assert [cloud.num_gaussians for cloud in decoded] == [cloud.num_gaussians for cloud in frames]
     assert max(points) == 20
 
 
 def test_it_is_absent_where_it_does_not_pay(tmp_path: Path) -> None:
     assert code(still(small(300), 3), tmp_path, PAPER)[1] == [0, 0, 0]
-    plain = replace(PAPER, prior=PriorMode.PLAIN)
+    plain = encoder_options(PAPER, prior=PriorMode.PLAIN)
     assert code(all_changing(make_cloud(300, 1), 3), tmp_path, plain)[1] == [0, 0, 0]
 
 
 def test_a_single_gaussian(tmp_path: Path) -> None:
     frames = travelling(small(1), 3)
-    decoded, _ = code(frames, tmp_path, replace(PAPER, motion=MotionMode.ONLY))
+    decoded, _ = code(frames, tmp_path, encoder_options(PAPER, motion=MotionMode.ONLY))
     assert apart(frames[2], decoded[2]) < 0.05

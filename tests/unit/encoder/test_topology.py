@@ -11,16 +11,8 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
-from tests.helpers import (
-    FIELDS,
-    make_cloud,
-    real_cloud,
-    shuffled,
-    still,
-    succeeding,
-    travelling,
-    waving,
-)
+from lab.options import encoder_options
+from tests.helpers import FIELDS, make_cloud, real_cloud, shuffled, still, succeeding, travelling, waving
 
 INTRA_ONLY = EncoderOptions(gof_size=1)
 
@@ -54,7 +46,7 @@ def test_births_and_deaths_are_p_frames(
     intra: IntraKind, order: OutputOrder, shuffle: bool, tmp_path: Path
 ) -> None:
     frames = succeeding(small(400, 1), 4, shuffle=shuffle)
-    options = EncoderOptions(order=order, intra=intra, control_spacing=20, qp=20)
+    options = encoder_options(order=order, intra=intra, control_spacing=20, qp=20)
     decoded, kinds, _ = code(frames, tmp_path, options)
     assert kinds == "IPPP"
     for cloud, found in zip(frames, decoded, strict=True):
@@ -78,7 +70,7 @@ def test_survivors_keep_their_order(tmp_path: Path) -> None:
 
 
 def test_an_order_lost_in_every_frame_costs_nothing(tmp_path: Path) -> None:
-    options = EncoderOptions(control_spacing=20)
+    options = encoder_options(control_spacing=20)
     _, _, in_order = code(succeeding(small(1000), 5), tmp_path, options)
     _, _, lost = code(succeeding(small(1000), 5, shuffle=True), tmp_path, options)
     assert lost < 1.05 * in_order
@@ -163,7 +155,7 @@ def test_births_have_steps_of_their_own_and_settle(order: OutputOrder, tmp_path:
     assert max(sizes[2:]) < 0.12 * sizes[1]
     assert probe(path).bytes_by("attribute")["COVER"] > 0
     uniform = tmp_path / "uniform.dgs"
-    encode_sequence(frames, uniform, EncoderOptions(qp=26, order=order, visibility=False))
+    encode_sequence(frames, uniform, encoder_options(qp=26, order=order, visibility=False))
     assert path.stat().st_size < uniform.stat().st_size
 
 

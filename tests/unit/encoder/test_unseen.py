@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
+from dfcgs_codec import GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.encoder.report import EncodeReport
-from tests.helpers import all_changing, match, same_cloud, shuffled, succeeding
-from tests.rooms import NUM_WALLS, behind, inside, room, viewers
+from lab.options import encoder_options
+from lab.small_clouds import all_changing, same_cloud, shuffled, succeeding
+from lab.small_room import NUM_WALLS, behind, inside, room, viewers
+from tests.helpers import match
 
 INSIDE = slice(NUM_WALLS, NUM_WALLS + 40)
 BEHIND = slice(NUM_WALLS + 40, None)
@@ -25,7 +27,7 @@ QUICK: dict[str, Any] = {"views": viewers(), "prior": "plain", "qp": 24}
 def coded(
     frames: list[GaussianCloud], path: Path, **options: Any
 ) -> tuple[EncodeReport, list[GaussianCloud]]:
-    report = encode_sequence(frames, path, EncoderOptions(**{**QUICK, **options}), force=True)
+    report = encode_sequence(frames, path, encoder_options(**{**QUICK, **options}), force=True)
     return report, [frame.cloud() for frame in decode_sequence(path)]
 
 

@@ -1,0 +1,1 @@
+"""Tables of `docs/` and README.md, made from `evaluation/results/*.json`: `python -m evaluation.tables`."""

@@ -1,0 +1,277 @@
+"""Small files that ask for much: what no encoder would write, and a decoder must bear."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
+from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, IntraKind, Tool
+from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, SortGrid, coded_attributes
+from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
+from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
+from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
+from dfcgs_codec.bitstream.topology_header import TopologyHeader
+from dfcgs_codec.codec.activity import DENSE, AttributeActivity, InterSymbols, num_blocks, num_inter_columns
+from dfcgs_codec.codec.decoder import SequenceDecoder
+from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.codec.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.inter import InterShape, code_inter
+from dfcgs_codec.codec.intra import IntraSymbols
+from dfcgs_codec.codec.limits import UNLIMITED
+from dfcgs_codec.codec.motion import FOLLOW, MotionSymbols, code_motion
+from dfcgs_codec.codec.topology import TopologySymbols, code_topology
+from dfcgs_codec.encoder.prior_choice import PriorMode
+from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from lab.chunks import Chunk, join_chunks, split_chunks
+from lab.options import encoder_options
+from lab.small_clouds import make_cloud
+
+#: decodes a file in a fresh process: frames, name of the error, peak MiB, seconds of CPU
+FRESH = """
+import json, sys, time
+from dfcgs_codec import DfcgsError, decode_sequence
+frames, error = 0, ""
+try:
+    for frame in decode_sequence(sys.argv[1]):
+        frame.cloud()
+        frames += 1
+except DfcgsError as refusal:
+    error = type(refusal).__name__
+peak = next(line for line in open("/proc/self/status") if line.startswith("VmHWM"))
+print(json.dumps([frames, error, int(peak.split()[1]) / 1024, time.process_time()]))
+"""
+#: no more bytes than this
+MOST_BYTES = 10_000
+_BLOCK_LOG2 = 12
+Part = tuple[int, bytes]
+
+
+def alike(count: int, sh_degree: int = 0) -> GaussianCloud:
+    """One Gaussian again and again: hardly any bytes."""
+    return make_cloud(1, sh_degree).take(np.zeros(count, np.int64))
+
+
+def lattice(count: int) -> GaussianCloud:
+    """Equal Gaussians at the points of a grid: few bytes, and all distances many times."""
+    side = int(np.ceil(count ** (1 / 3)))
+    grid = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:count]
+    return replace(alike(count), positions=(grid * 0.01).astype(np.float32))
+
+
+@cache
+def file_of_alike(count: int) -> bytes:
+    """A file of `count` equal Gaussians of SH degree 0."""
+    return encoded(alike(count))
+
+
+def encoded(cloud: GaussianCloud, options: EncoderOptions | None = None) -> bytes:
+    """A file of one frame, without a prior."""
+    options = encoder_options(options, prior=PriorMode.PLAIN)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "a.dgs"
+        encode_sequence([cloud], path, options)
+        return path.read_bytes()
+
+
+def with_header(data: bytes, **changes: object) -> bytes:
+    """The file with another sequence header."""
+    chunks = split_chunks(data)
+    sequence = SequenceHeader.read(ByteReader(chunks[0].payload))
+    return join_chunks(
+        [Chunk(ChunkType.SEQUENCE_HEADER, 0, _bytes(replace(sequence, **changes))), *chunks[1:]]
+    )
+
+
+def with_intra(data: bytes, **changes: object) -> bytes:
+    """The file with another I-frame header, and all streams empty."""
+    chunks = split_chunks(data)
+    sequence = SequenceHeader.read(ByteReader(chunks[0].payload))
+    intra = next(c for c in chunks if c.chunk_type == ChunkType.INTRA_FRAME)
+    header = IntraHeader.read(ByteReader(intra.payload), sequence)
+    header = replace(header, lengths=(0,) * len(header.lengths), **changes)
+    return join_chunks([chunks[0], replace(intra, payload=_bytes(header))])
+
+
+def _bytes(header: SequenceHeader | IntraHeader | InterHeader | TopologyHeader | MotionHeader) -> bytes:
+    writer = ByteWriter()
+    header.write(writer)
+    return writer.getvalue()
+
+
+def _streams(writers: list[SymbolWriter]) -> bytes:
+    streams = [writer.getvalue() for writer in writers]
+    lengths = ByteWriter()
+    for stream in streams:
+        lengths.uvarint(len(stream))
+    return lengths.getvalue() + b"".join(streams)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What each P-frame asks for: symbols, motion of all control points, perhaps spread, new Gaussians."""
+
+    residual: bool = False
+    motion: bool = False
+    spread: SpreadHeader | None = None
+    births: int = 0
+
+
+class Crafted:
+    """A file whose P-frames change nothing, at the cost that `kind` says; all hashes are right."""
+
+    def __init__(self, base: bytes) -> None:
+        chunks = split_chunks(base)
+        self._sequence = SequenceHeader.read(ByteReader(chunks[0].payload))
+        self._intra = next(c for c in chunks if c.chunk_type == ChunkType.INTRA_FRAME)
+        header = IntraHeader.read(ByteReader(self._intra.payload), self._sequence)
+        (frame,) = SequenceDecoder(BytesIO(base), limits=UNLIMITED).frames()
+        setup = GofSetup(header.control, self._sequence.unit_exponents, None)
+        self._state = GofState.of_intra(frame.state.on_grid(), setup, header.steps)
+        self._frames: list[list[Part]] = []
+        self._attributes = coded_attributes(self._sequence.sh_degree)
+
+    def data(self) -> bytes:
+        """The file so far."""
+        numbers = FrameNumbers(((0, len(self._frames) + 1),))
+        first = Chunk(ChunkType.SEQUENCE_HEADER, 0, _bytes(replace(self._sequence, frame_numbers=numbers)))
+        parts = [Chunk(t, i, p) for i, frame in enumerate(self._frames, 1) for t, p in frame]
+        return join_chunks([first, self._intra, *parts])
+
+    def add(self, kind: Kind) -> None:
+        """Append a P-frame."""
+        tools: set[Tool] = set()
+        parts: list[Part] = []
+        births = None
+        if kind.births:
+            tools.add(Tool.TOPOLOGY)
+            births, payload = self._replaced(kind.births)
+            parts.append((ChunkType.TOPOLOGY, payload))
+        moved = None
+        if kind.motion:
+            tools.add(Tool.MOTION)
+            moved, payload = self._motion(kind.spread)
+            parts.append((ChunkType.MOTION, payload))
+        steps = dict.fromkeys(self._attributes, 1) if kind.residual else {}
+        symbols = InterSymbols()
+        if steps:
+            symbols, payload = self._residual(moved)
+            parts.append((ChunkType.RESIDUAL, payload))
+        self._state = self._state.after(self._state.frame, symbols, None)
+        if moved is not None:
+            self._state = replace(self._state, moved=replace(self._state.motion(), symbols=moved))
+        if births is not None:
+            places = self._state.places_of_births(births)
+            self._state = self._state.with_births(births, places, _BLOCK_LOG2)
+        header = InterHeader(self._state.frame.hash(), frozenset(tools), _BLOCK_LOG2, steps)
+        self._frames.append([(ChunkType.INTER_FRAME, _bytes(header)), *parts])
+
+    def _replaced(self, count: int) -> tuple[FrameState | None, bytes]:
+        """All Gaussians but one go, `count` come."""
+        n = self._state.frame.num_gaussians
+        steps = dict.fromkeys(self._attributes, 1)
+        header = TopologyHeader(n - 1, False, count, SortGrid(0, 0, (0, 0, 0), False), steps)
+        planes = {a: np.zeros((count, STATE_COLUMNS[a]), np.int64) for a in self._attributes}
+        writers: list[SymbolWriter] = []
+        target = TopologySymbols(np.arange(1), IntraSymbols(planes))
+        units = self._sequence.unit_exponents
+        kept, births = code_topology(lambda: _opened(writers), target, header, (n, units))
+        self._state = self._state.survivors(kept, _BLOCK_LOG2)
+        return births, _bytes(header) + _streams(writers)
+
+    def _motion(self, spread: SpreadHeader | None) -> tuple[MotionSymbols, bytes]:
+        """All follow control points that stand still."""
+        motion, n = self._state.motion(), self._state.frame.num_gaussians
+        header = MotionHeader(motion.field.num_points, 0, 1, 1, spread)
+        symbols = MotionSymbols.none(motion.field.num_points, n, num_blocks(n, _BLOCK_LOG2))
+        symbols = replace(symbols, modes=symbols.modes + FOLLOW, follows=np.ones(n, np.bool_))
+        writers: list[SymbolWriter] = []
+        shape = motion.shape(header, _BLOCK_LOG2, None)
+        code_motion(lambda: _opened(writers), symbols, motion.history(_BLOCK_LOG2), shape)
+        return symbols, _bytes(header) + _streams(writers)
+
+    def _residual(self, moved: MotionSymbols | None) -> tuple[InterSymbols, bytes]:
+        """Symbols of all Gaussians, all zero."""
+        n = self._state.frame.num_gaussians
+        blocks = num_blocks(n, _BLOCK_LOG2)
+        activity = {
+            a: replace(
+                AttributeActivity.none(n, num_inter_columns(a), blocks), density=np.full(blocks, DENSE)
+            )
+            for a in self._attributes
+        }
+        writers: list[SymbolWriter] = []
+        beside = None if moved is None else moved.activity()
+        shape = InterShape(self._attributes, n, _BLOCK_LOG2, self._state.levels, beside, None)
+        coded = code_inter(lambda: _opened(writers), InterSymbols(activity), self._state.history, shape)
+        return coded, _streams(writers)
+
+
+def _opened(writers: list[SymbolWriter]) -> SymbolWriter:
+    writers.append(SymbolWriter(preferred=False))
+    return writers[-1]
+
+
+def repeated(base: bytes, kind: Kind, most: int) -> bytes:
+    """As many P-frames of a kind as fit the bytes, at most `most`."""
+    crafted = Crafted(base)
+    data = base
+    for _ in range(most):
+        crafted.add(kind)
+        longer = crafted.data()
+        if len(longer) > MOST_BYTES:
+            break
+        data = longer
+    return data
+
+
+def many_frames() -> bytes:
+    """The longest sequence that the last level allows, announced by a file of one Gaussian."""
+    return with_header(encoded(make_cloud(1)), level=3, frame_numbers=FrameNumbers(((0, 1 << 20),)))
+
+
+def many_gofs() -> bytes:
+    """The same I-frame again and again."""
+    data = encoded(alike(20_000))
+    chunks = split_chunks(data)
+    count = MOST_BYTES // (len(chunks[-1].payload) + 15) - 1
+    data = with_header(data, frame_numbers=FrameNumbers(((0, count),)))
+    header = split_chunks(data)[0]
+    intra = next(c for c in chunks if c.chunk_type == ChunkType.INTRA_FRAME)
+    return join_chunks([header, *(replace(intra, frame_index=i) for i in range(count))])
+
+
+def claimed(count: int, **changes: object) -> bytes:
+    """So many Gaussians in empty streams."""
+    return with_intra(with_header(encoded(make_cloud(40)), level=3), num_gaussians=count, **changes)
+
+
+#: name: file, and the errors that it may end with, "" where its frames come out
+BOMBS: dict[str, tuple[Callable[[], bytes], set[str]]] = {
+    "a million frames": (many_frames, {"CorruptBitstream"}),
+    "16 million Gaussians": (lambda: claimed(1 << 24), {"ResourceLimit"}),
+    "as many as are let in": (lambda: file_of_alike(60_000), {""}),
+    "verbatim, SH degree 2": (lambda: encoded(alike(30_000, 2), encoder_options(intra=IntraKind.PLY)), {""}),
+    "many groups of frames": (many_gofs, {"ResourceLimit"}),
+    "frames that repeat": (lambda: repeated(file_of_alike(60_000), Kind(), 150), {"ResourceLimit"}),
+    "control points": (
+        lambda: repeated(encoded(lattice(3000), encoder_options(control_spacing=1)), Kind(motion=True), 15),
+        {"", "ResourceLimit"},
+    ),
+    "control points that spread": (
+        lambda: repeated(
+            encoded(lattice(2000), encoder_options(control_spacing=2)),
+            Kind(motion=True, spread=SpreadHeader(128, 0)),
+            15,
+        ),
+        {"", "ResourceLimit"},
+    ),
+    "residuals": (lambda: repeated(encoded(alike(300, 1)), Kind(residual=True), 25), {"", "ResourceLimit"}),
+    "new Gaussians": (lambda: repeated(file_of_alike(2000), Kind(births=2000), 25), {"", "ResourceLimit"}),
+}
