@@ -1,4 +1,4 @@
-"""How symbols are coded, itself coded: weights, tables, histograms (spec section 11).
+"""How symbols are coded, itself coded: weights, tables, histograms (spec sections 11.2 and 11.3).
 
 In every function the array or record to write is given, or None when reading; it is returned.
 """
