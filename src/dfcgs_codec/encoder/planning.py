@@ -49,7 +49,7 @@ Int64 = npt.NDArray[np.int64]
 #: a QP is near enough when the estimate is so near the quality asked for, dB
 _NEAR_ENOUGH = 0.4
 #: estimates are about so uncertain, dB: so much more is aimed at, for a quality is a promise
-_MARGIN = 1.0
+_MARGIN = 1.5
 #: QPs that are tried
 _MOST_TRIALS = 4
 #: the share of the error that leaving out Gaussians may make

@@ -22,8 +22,8 @@ Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
 Int64 = npt.NDArray[np.int64]
 
-#: rays along the longer side of an image
-_RAYS = 48
+#: rays along the longer side of an image: with 48, Gaussians that show between them cost 7 dB at 50 dB
+_RAYS = 64
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class _Grid:
     shape: Int64
 
 
-def _pairs(ellipses: Ellipses, reach: Float64, grid: _Grid) -> tuple[Int64, Int64, Int64]:
+def _pairs(middle: Float64, reach: Float64, grid: _Grid) -> tuple[Int64, Int64, Int64]:
     """Gaussians, ascending, and columns and rows of the rays that may hit them."""
     first, spacing, shape = grid.first, grid.spacing, grid.shape
-    low = np.clip(np.ceil((ellipses.middle - reach - first) / spacing), 0, shape)
-    high = np.clip(np.floor((ellipses.middle + reach - first) / spacing) + 1, 0, shape)
+    low = np.clip(np.ceil((middle - reach - first) / spacing), 0, shape)
+    high = np.clip(np.floor((middle + reach - first) / spacing) + 1, 0, shape)
     low, high = np.nan_to_num(low).astype(np.int64), np.nan_to_num(high).astype(np.int64)
     sides = np.maximum(high - low, 0)
     counts = sides[:, 0] * sides[:, 1]
@@ -61,11 +61,11 @@ def _alphas(ellipses: Ellipses, alpha: Float64, owner: Int64, points: tuple[Floa
     return found
 
 
-def _light(ray: Int64, alphas: Float32) -> Float32:
+def _light(ray: npt.NDArray[np.uint16], alphas: Float32) -> Float32:
     """The share of light (P,) that passes what lies before; pairs sorted by `ray`, front to back."""
     depth = -np.log1p(-alphas.astype(np.float64))
     before = np.cumsum(depth) - depth
-    starts = np.flatnonzero(np.diff(ray, prepend=-1))
+    starts = np.flatnonzero(np.diff(ray.astype(np.int32), prepend=-1))
     lengths = np.diff(np.concatenate([starts, [len(ray)]]))
     before -= np.repeat(before[starts], lengths)
     light: Float32 = np.exp(-before).astype(np.float32)
@@ -74,22 +74,23 @@ def _light(ray: Int64, alphas: Float32) -> Float32:
 
 def _of_image(splats: Splats, camera: ViewCamera, near: float, offset: Float64) -> Float64:
     """What each Gaussian adds to an image (N,), in pixels."""
-    count = len(splats.alpha)
     ellipses = project(splats, camera, near)
     sides = np.array([camera.width, camera.height])
     spacing = max(1.0, float(sides.max()) / _RAYS)
     grid = _Grid(np.floor(offset * spacing) + 0.5, spacing, np.maximum(sides // spacing, 1).astype(np.int64))
-    owner, columns, rows = _pairs(ellipses, ellipses.reach(splats.alpha), grid)
+    nearest_first = np.argsort(ellipses.depth, kind="stable")
+    reach = ellipses.reach(splats.alpha)
+    owner, columns, rows = _pairs(ellipses.middle[nearest_first], reach[nearest_first], grid)
+    owner = nearest_first[owner]
     points = grid.first[0] + columns * spacing, grid.first[1] + rows * spacing
     alphas = _alphas(ellipses, splats.alpha, owner, points)
     hit = np.flatnonzero(alphas)
-    rank = np.empty(count, np.int64)
-    rank[np.argsort(ellipses.depth, kind="stable")] = np.arange(count)
-    ray, owner = rows[hit] * grid.shape[0] + columns[hit], owner[hit]
-    pairs = np.argsort(ray * count + rank[owner])
+    # numbers of 16 bits are sorted in one pass, and stay front to back within a ray
+    ray = (rows[hit] * grid.shape[0] + columns[hit]).astype(np.uint16)
+    pairs = np.argsort(ray, kind="stable")
     alphas = alphas[hit][pairs]
     added = alphas * _light(ray[pairs], alphas)
-    total = np.bincount(owner[pairs], added, count).astype(np.float64)
+    total = np.bincount(owner[hit][pairs], added, len(splats.alpha)).astype(np.float64)
     return total * (spacing * spacing)
 
 
