@@ -67,6 +67,13 @@ def real_cloud(n: int) -> GaussianCloud:
     return cloud.take(np.linspace(0, cloud.num_gaussians - 1, n).astype(np.int64))
 
 
+def on_lattices(cloud: GaussianCloud) -> GaussianCloud:
+    """As SPZ leaves it."""
+    steps = {"positions": 2.0**-12, "scales": 2.0**-4, "sh_rest": 2.0**-4}
+    arrays = {name: np.rint(getattr(cloud, name) / step) * step for name, step in steps.items()}
+    return replace(cloud, **{name: array.astype(np.float32) for name, array in arrays.items()})
+
+
 def same_cloud(a: GaussianCloud, b: GaussianCloud) -> bool:
     """Equal bit for bit."""
     return all(getattr(a, f).tobytes() == getattr(b, f).tobytes() for f in FIELDS)

@@ -40,6 +40,7 @@ from lab.small_clouds import (
     drifting,
     joined,
     make_cloud,
+    on_lattices,
     real_cloud,
     same_cloud,
     shuffled,

@@ -451,7 +451,9 @@ def distance_weights(q: Row, neighbours: Matrix) -> Row:
     return weight
 
 
-# --- 11.2, 11.3 components --------------------------------------------------------------------------------
+# --- 9.8, 11.2 columns -----------------------------------------------------------------------------------
+
+CHAIN_LENGTH, FEWEST_SYMBOLS = 128, 512
 
 
 def ladder(a: int, num_steps: int) -> int:
@@ -461,29 +463,72 @@ def ladder(a: int, num_steps: int) -> int:
     return min(2 * b - 1 + (1 if a << 8 >= 181 << b else 0), num_steps - 1)
 
 
-def predicted_component(
-    stream: RangeDecoder, lods: Lods, features: Matrix, sources: Matrix
+def turns_of_second(chain: Row) -> Row:
+    """9.8: `a`, which is 1 where the symbol of a chain is of the second quantiser."""
+    p = [0] * 3 + [k & 1 for k in chain]
+    a = [0] * 3
+    for t in range(3, len(p)):
+        a.append(a[t - 1] ^ a[t - 3] ^ p[t - 2])
+    return a[3:]
+
+
+def quantisers_of(symbols: Row) -> Row:
+    """9.8: of each symbol of a pass in which two quantisers take turns, 0 for the first, 1 for the second."""
+    second = [0] * len(symbols)
+    if len(symbols) >= FEWEST_SYMBOLS:
+        num_chains = -(-len(symbols) // CHAIN_LENGTH)
+        for j in range(num_chains):
+            second[j::num_chains] = turns_of_second(symbols[j::num_chains])
+    return second
+
+
+class ColumnSteps(NamedTuple):
+    """9.6: the step of each row of a column, and whether two quantisers take turns (9.8)."""
+
+    step: Row
+    alternates: bool = False
+    in_steps: bool = False
+
+    def worth(self, rows: Row, symbols: Row) -> Row:
+        """What the symbols of a pass are worth; `rows` are those that they belong to."""
+        second = quantisers_of(symbols) if self.alternates else [0] * len(symbols)
+        values = []
+        for row, k, is_second in zip(rows, symbols, second, strict=True):
+            s = self.step[row]
+            require(abs(k) <= 2 * STATE_LIMIT // s)
+            values.append((2 * k - sign(k)) * s >> 1 if is_second else k * s)
+        return values
+
+
+def column(
+    stream: RangeDecoder, lods: Lods, features: Matrix, sources: Matrix, steps: ColumnSteps | None = None
 ) -> tuple[Row, Row]:
     """Values and residuals of all rows."""
+    steps = steps or ColumnSteps([1] * lods.count)
     center = stream.signed_value(STATE_LIMIT)
     weights = stream.read_weights(1 + len(features))
-    activity = stream.read_weights(2 + len(sources))
+    size_weights = stream.read_weights(2 + len(sources))
     tables = stream.read_tables(32)
     value, residual = [0] * lods.count, [0] * lods.count
 
     def predict(row: int, mean: int) -> int:
         learned = sum(f[row] * w for f, w in zip(features, weights[1:], strict=True))
-        return center + round_shift((mean - (center << 8)) * weights[0] + (learned << 8), 16)
+        p = center + round_shift((mean - (center << 8)) * weights[0] + (learned << 8), 16)
+        return round_divide(p, steps.step[row]) * steps.step[row] if steps.in_steps else p
 
     def context(row: int, deviation: int) -> int:
-        own = activity[1] + sum(s[row] * w for s, w in zip(sources, activity[2:], strict=True))
-        return ladder(max((deviation * activity[0] + (own << 8)) >> 11, 0), 31)
+        own = size_weights[1] * steps.step[row]
+        own += sum(s[row] * w for s, w in zip(sources, size_weights[2:], strict=True))
+        t = deviation * size_weights[0] + (own << 8)
+        return ladder((max(t, 0) >> 11) // steps.step[row], 31)
 
     def code_pass(rows: range, contexts: Row, predictions: Row) -> None:
-        for row, p, r in zip(rows, predictions, stream.residuals(contexts, tables), strict=True):
+        worth = steps.worth(list(rows), stream.residuals(contexts, tables))
+        for row, p, r in zip(rows, predictions, worth, strict=True):
             value[row], residual[row] = p + r, r
+            require(abs(value[row]) <= STATE_LIMIT)
 
-    if not (weights[0] or activity[0]):
+    if not (weights[0] or size_weights[0]):
         rows = range(lods.count)
         code_pass(rows, [context(i, 0) for i in rows], [predict(i, center << 8) for i in rows])
         return value, residual
@@ -493,22 +538,6 @@ def predicted_component(
         contexts = [context(i, deviation) for i, (_, deviation) in zip(rows, found, strict=True)]
         code_pass(rows, contexts, [predict(i, mean) for i, (mean, _) in zip(rows, found, strict=True)])
     return value, residual
-
-
-def histogram_component(stream: RangeDecoder, count: int, guide: Row | None) -> Row:
-    minimum = stream.signed_value(STATE_LIMIT)
-    low_bits = stream.count_value(29)
-    size = stream.count_value(1023) + 1
-    guide_center = stream.signed_value(STATE_LIMIT)
-    guide_shift = stream.count_value(29)
-    contexts = [0] * count
-    if guide is not None:
-        contexts = [clip((g - guide_center) >> guide_shift, -4, 3) + 4 for g in guide]
-    symbols = [0] * count
-    if size > 1:
-        symbols = stream.grouped(contexts, stream.read_histograms(occurring(contexts), size))
-    low = stream.bits(low_bits, count)
-    return [(s << low_bits | b) + minimum for s, b in zip(symbols, low, strict=True)]
 
 
 # --- 11.1 position tree -----------------------------------------------------------------------------------
@@ -594,7 +623,7 @@ def position_tree(stream: RangeDecoder, count: int, grid: SortGrid) -> Matrix:
     ]
 
 
-# --- 11.4 coded I-frames ----------------------------------------------------------------------------------
+# --- 8 states ---------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -623,28 +652,13 @@ def digest(plane: Matrix) -> bytes:
 
 
 def permutation(stream: RangeDecoder, lods: Lods) -> Row:
-    value, _ = predicted_component(stream, lods, [], [])
+    value, _ = column(stream, lods, [], [])
     require(sorted(value) == list(range(lods.count)))
     return value
 
 
 def transposed(columns: Matrix) -> Matrix:
     return [list(row) for row in zip(*columns, strict=True)]
-
-
-def chosen_components(stream: RangeDecoder, lods: Lods, count: int, guide: Row | None) -> Matrix:
-    columns: Matrix = []
-    residuals: Matrix = []
-    for _ in range(count):
-        if stream.decode(uniform(2)):
-            columns.append(histogram_component(stream, lods.count, guide))
-        else:
-            sources = [[abs(r) for r in residual] for residual in residuals]
-            value, residual = predicted_component(stream, lods, residuals, sources)
-            columns.append(value)
-            residuals.append(residual)
-        guide = columns[-1]
-    return columns
 
 
 def axis_flip(q: Row, f: int) -> Row:
@@ -665,26 +679,19 @@ def in_range(plane: Matrix) -> Matrix:
 
 
 @dataclass
-class Grading:
-    """What a graded I-frame has besides (5)."""
-
-    coarse_log2: int
-    levels: dict[int, int]
-    thin_octaves: int
-    alternating: int
-
-
-@dataclass
 class IntraHeader:
     """What section 5 says of coded Gaussians, section 6.2 of births."""
 
     grid: SortGrid
     steps: dict[int, int]
-    grading: Grading | None
+    coarse_log2: int
+    levels: dict[int, int]
+    thin_octaves: int
+    alternating: int
 
     @property
     def num_streams(self) -> int:
-        return len(self.steps) + (2 if self.grading else 0)
+        return len(self.steps) + 2
 
 
 class Intra(NamedTuple):
@@ -693,41 +700,6 @@ class Intra(NamedTuple):
     state: State
     anchors: Matrix
     cover: Row
-
-
-def coded_intra(streams: Iterator[RangeDecoder], n: int, header: IntraHeader, has_permutation: bool) -> Intra:
-    steps = header.steps
-    positions = position_tree(next(streams), n, header.grid)
-    lods = Lods(n, positions)
-    order = permutation(next(streams), lods) if has_permutation else None
-    planes = {POSITION: in_range(scaled(positions, steps[POSITION]))}
-    hint: Row = []
-    scale_0: Row = []
-    residuals: Matrix = []
-    for attribute in sorted(steps)[1:]:
-        stream = next(streams)
-        if attribute == SCALE:
-            columns = chosen_components(stream, lods, 3, None)
-            scale_0, hint = columns[0], [sum(row) for row in transposed(columns)]
-        elif attribute == ROTATION:
-            flips = stream.grouped([0] * n, stream.read_histograms([0], 4))
-            vectors = transposed(chosen_components(stream, lods, 3, None))
-            planes[ROTATION] = [
-                axis_flip(from_stereo(r), f)
-                for r, f in zip(scaled(vectors, steps[ROTATION]), flips, strict=True)
-            ]
-            continue
-        elif attribute == OPACITY:
-            columns = chosen_components(stream, lods, 1, scale_0)
-        else:
-            columns = []
-            for _ in range(COLUMNS[attribute]):
-                sources = [[abs(r) for r in residual] for residual in residuals] + [hint]
-                value, residual = predicted_component(stream, lods, residuals, sources)
-                columns.append(value)
-                residuals.append(residual)
-        planes[attribute] = in_range(scaled(transposed(columns), steps[attribute]))
-    return Intra(State(planes, order), positions, [0] * n)
 
 
 # --- 12 P-frames ------------------------------------------------------------------------------------------
@@ -797,7 +769,7 @@ def columns_of(
     for c in range(num_columns):
         features = [*residuals, [symbols[c] for symbols in old]]
         sources = [[abs(r) for r in residual] for residual in residuals] + hints
-        value, residual = predicted_component(stream, lods, features, sources)
+        value, residual = column(stream, lods, features, sources)
         yield value
         residuals.append(residual)
 
@@ -940,10 +912,9 @@ def reconstruct_inter(activity: dict[int, Activity], steps: Steps, reference: St
     return State(planes, reference.order)
 
 
-# --- 9.6, 9.8, 11.5 to 11.7 graded I-frames ---------------------------------------------------------------
+# --- 9.6, 11.4, 11.5 coded I-frames -----------------------------------------------------------------------
 
 MAX_COVER, MAX_TURN_WEIGHT, SPIN_WEIGHT, MAX_TURN_STEP = 15, 64, 16, 2**16
-CHAIN_LENGTH, FEWEST_SYMBOLS = 128, 512
 
 
 class Look(NamedTuple):
@@ -970,101 +941,13 @@ def look_of(s: Row, o: int, c: int, exponents: dict[int, int]) -> Look:
     return Look(alpha_weight(o, exponents), area, COVER_WEIGHT * c, is_needle, long, flat)
 
 
-def graded_step(header: IntraHeader, attribute: int, weight: int) -> int:
-    """9.6: `step_of`."""
-    if header.grading is None:
-        raise Refused
-    multiplier = MULTIPLIERS[clip((header.grading.levels[attribute] - weight) >> 3, 0, MAX_COARSENESS)]
+def step_of(header: IntraHeader, attribute: int, weight: int) -> int:
+    multiplier = MULTIPLIERS[clip((header.levels[attribute] - weight) >> 3, 0, MAX_COARSENESS)]
     return round_shift(header.steps[attribute] * multiplier, 8)
 
 
-def turns_of_second(chain: Row) -> Row:
-    """9.8: `a`, which is 1 where the symbol of a chain is of the second quantiser."""
-    p = [0] * 3 + [k & 1 for k in chain]
-    a = [0] * 3
-    for t in range(3, len(p)):
-        a.append(a[t - 1] ^ a[t - 3] ^ p[t - 2])
-    return a[3:]
-
-
-def quantisers_of(symbols: Row) -> Row:
-    """9.8: of each symbol of a pass in which two quantisers take turns, 0 for the first, 1 for the second."""
-    second = [0] * len(symbols)
-    if len(symbols) >= FEWEST_SYMBOLS:
-        num_chains = -(-len(symbols) // CHAIN_LENGTH)
-        for j in range(num_chains):
-            second[j::num_chains] = turns_of_second(symbols[j::num_chains])
-    return second
-
-
-class Graded(NamedTuple):
-    """9.6: the step of each Gaussian, and whether two quantisers take turns (9.8)."""
-
-    step: Row
-    alternates: bool
-
-    def worth(self, rows: Row, symbols: Row) -> Row:
-        """What the symbols of a pass are worth; `rows` are the Gaussians that they belong to."""
-        second = quantisers_of(symbols) if self.alternates else [0] * len(symbols)
-        values = []
-        for row, k, is_second in zip(rows, symbols, second, strict=True):
-            s = self.step[row]
-            require(abs(k) <= 2 * STATE_LIMIT // s)
-            values.append((2 * k - sign(k)) * s >> 1 if is_second else k * s)
-        return values
-
-
-def is_alternating(header: IntraHeader, attribute: int, column: int = 0) -> bool:
-    """9.8: whether two quantisers take turns in a column of an attribute."""
-    if header.grading is None or (attribute == SCALE and column == 2 and header.grading.thin_octaves):
-        return False
-    return bool(header.grading.alternating >> attribute & 1)
-
-
-def graded_column(stream: RangeDecoder, lods: Lods, earlier: Matrix, graded: Graded) -> tuple[Row, Row]:
-    """11.6: values and residuals of all rows."""
-    step = graded.step
-    center = stream.signed_value(STATE_LIMIT)
-    weights = stream.read_weights(1 + len(earlier))
-    activity = stream.read_weights(2 + len(earlier))
-    tables = stream.read_tables(32)
-    value, residual = [0] * lods.count, [0] * lods.count
-
-    def predict(row: int, mean: int) -> int:
-        learned = sum(e[row] * w for e, w in zip(earlier, weights[1:], strict=True))
-        return center + round_shift((mean - (center << 8)) * weights[0] + (learned << 8), 16)
-
-    def context(row: int, deviation: int) -> int:
-        own = activity[1] * step[row]
-        own += sum(abs(e[row]) * w for e, w in zip(earlier, activity[2:], strict=True))
-        t = deviation * activity[0] + (own << 8)
-        return ladder((max(t, 0) >> 11) // step[row], 31)
-
-    def code_pass(rows: range, contexts: Row, predictions: Row) -> None:
-        worth = graded.worth(list(rows), stream.residuals(contexts, tables))
-        for row, p, r in zip(rows, predictions, worth, strict=True):
-            residual[row] = r
-            value[row] = p + r
-            require(abs(value[row]) <= STATE_LIMIT)
-
-    if not (weights[0] or activity[0]):
-        rows = range(lods.count)
-        code_pass(rows, [context(i, 0) for i in rows], [predict(i, center << 8) for i in rows])
-        return value, residual
-    code_pass(lods.base, [31] * len(lods.base), [predict(i, center << 8) for i in lods.base])
-    for rows, neighbours in lods.levels():
-        found = [lods.statistics(i, neighbours(i), value) for i in rows]
-        contexts = [context(i, deviation) for i, (_, deviation) in zip(rows, found, strict=True)]
-        code_pass(rows, contexts, [predict(i, mean) for i, (mean, _) in zip(rows, found, strict=True)])
-    return value, residual
-
-
-def graded_columns(stream: RangeDecoder, lods: Lods, earlier: Matrix, coding: list[Graded]) -> Iterator[Row]:
-    """A column for each of `coding`; `earlier` gets their residuals."""
-    for graded in coding:
-        value, residual = graded_column(stream, lods, earlier, graded)
-        yield value
-        earlier.append(residual)
+def is_alternating(header: IntraHeader, attribute: int) -> bool:
+    return bool(header.alternating >> attribute & 1)
 
 
 def dot(a: Row, b: Row) -> int:
@@ -1072,7 +955,7 @@ def dot(a: Row, b: Row) -> int:
 
 
 def axes_of(q: Row) -> Matrix:
-    """11.7."""
+    """11.5."""
 
     def t(v: int) -> int:
         return round_shift(v, 32)
@@ -1086,7 +969,7 @@ def axes_of(q: Row) -> Matrix:
 
 
 class Expected(NamedTuple):
-    """11.7: `frame`, `tilt_expected` and `spin_expected` of a row; the base has but the first."""
+    """11.5: `frame`, `tilt_expected` and `spin_expected` of a row; the base has but the first."""
 
     frame: Row
     tilt: int | None
@@ -1094,7 +977,7 @@ class Expected(NamedTuple):
 
 
 def expected_turn(is_needle: bool, axes: list[Matrix], weight: Row) -> Expected:
-    """11.7, from the neighbours' axes and weights."""
+    """11.5, from the neighbours' axes and weights."""
     nearest = weight.index(max(weight))
 
     def line(a: int) -> Row:
@@ -1132,7 +1015,7 @@ def expected_turn(is_needle: bool, axes: list[Matrix], weight: Row) -> Expected:
 
 
 def turn_context(is_needle: bool, expected: int | None, step: int) -> int:
-    """11.7; nothing is expected in the base."""
+    """11.5; nothing is expected in the base."""
     first = 32 if is_needle else 0
     if expected is None:
         return first + 31
@@ -1141,18 +1024,20 @@ def turn_context(is_needle: bool, expected: int | None, step: int) -> int:
 
 
 def turned_by(frame: Row, is_needle: bool, turn: Row) -> Row:
-    """11.7, with what two tilts and the spin are worth."""
+    """11.5, with what two tilts and the spin are worth."""
     t0, t1, s = turn
     tilt = from_stereo([0, t0, t1] if is_needle else [t0, t1, 0])
     spin = from_stereo([s, 0, 0] if is_needle else [0, 0, s])
     return normalise(multiply(multiply(frame, tilt), spin))
 
 
-def turns(stream: RangeDecoder, lods: Lods, is_needle: list[bool], graded: tuple[Graded, Graded]) -> Matrix:
-    """11.7: quaternions; `graded` is that of tilts and of spins."""
+def turns(
+    stream: RangeDecoder, lods: Lods, is_needle: list[bool], steps: tuple[ColumnSteps, ColumnSteps]
+) -> Matrix:
+    """11.5: quaternions; `steps` are those of tilts and of spins."""
     tilt_tables, spin_tables = stream.read_tables(64), stream.read_tables(64)
     flip_models = stream.read_histograms([0], 4) if stream.decode(uniform(2)) else None
-    tilts, spins = graded
+    tilts, spins = steps
     quaternion: Matrix = [[] for _ in range(lods.count)]
     axes: list[Matrix] = [[] for _ in range(lods.count)]
 
@@ -1181,7 +1066,7 @@ def turns(stream: RangeDecoder, lods: Lods, is_needle: list[bool], graded: tuple
 
 
 def position_bits(stream: RangeDecoder, index: Matrix, octaves: Row, coarse_log2: int) -> Matrix:
-    """11.5."""
+    """11.4."""
     index = [list(row) for row in index]
     for n in range(1, coarse_log2 + 1):
         rows = [i for i, o in enumerate(octaves) if o == coarse_log2 - n]
@@ -1191,40 +1076,46 @@ def position_bits(stream: RangeDecoder, index: Matrix, octaves: Row, coarse_log2
     return index
 
 
-def graded_intra(
+def coded_intra(
     streams: Iterator[RangeDecoder],
     n: int,
     header: IntraHeader,
     coding: tuple[dict[int, int], bool],
 ) -> Intra:
-    """11.5; `coding` is the exponents and `has_permutation`."""
+    """11.4; `coding` is the exponents and `has_permutation`."""
     exponents, has_permutation = coding
-    if header.grading is None:
-        raise Refused
-    coarse_log2, position_step = header.grading.coarse_log2, header.steps[POSITION]
+    coarse_log2, position_step = header.coarse_log2, header.steps[POSITION]
     limit = 2 * STATE_LIMIT // position_step
     coarse = position_tree(next(streams), n, header.grid)
     require(all(abs(c) <= limit for row in coarse for c in row))
     lods = Lods(n, coarse)
     order = permutation(next(streams), lods) if has_permutation else None
-    cover, _ = predicted_component(next(streams), lods, [], [])
+    cover, _ = column(next(streams), lods, [], [])
     require(all(0 <= c <= MAX_COVER for c in cover))
 
-    def columns(attribute: int, earlier: Matrix, step: Row) -> Matrix:
-        coding = [Graded(step, is_alternating(header, attribute, c)) for c in range(COLUMNS[attribute])]
-        return transposed(list(graded_columns(next(streams), lods, earlier, coding)))
+    def columns(attribute: int, residuals: Matrix, step: Row) -> Matrix:
+        stream, values = next(streams), []
+        for c in range(COLUMNS[attribute]):
+            is_thin = attribute == SCALE and c == 2 and header.thin_octaves > 0
+            alternates = is_alternating(header, attribute)
+            sources = [[abs(r) for r in residual] for residual in residuals]
+            steps = ColumnSteps(step, alternates and not is_thin, not alternates)
+            value, residual = column(stream, lods, residuals, sources, steps)
+            values.append(value)
+            residuals.append(residual)
+        return transposed(values)
 
     planes: dict[int, Matrix] = {POSITION: []}
-    coded = columns(SCALE, [], [graded_step(header, SCALE, -COVER_WEIGHT * c) for c in cover])
-    planes[SCALE] = in_range([thin_axis(row, header.grading.thin_octaves, exponents[SCALE]) for row in coded])
+    coded = columns(SCALE, [], [step_of(header, SCALE, -COVER_WEIGHT * c) for c in cover])
+    planes[SCALE] = in_range([thin_axis(row, header.thin_octaves, exponents[SCALE]) for row in coded])
     # alpha plays no part in the steps of OPACITY
     looks = [look_of(s, 0, c, exponents) for s, c in zip(planes[SCALE], cover, strict=True)]
-    steps = [graded_step(header, OPACITY, (look.area >> 1) - look.hidden) for look in looks]
+    steps = [step_of(header, OPACITY, (look.area >> 1) - look.hidden) for look in looks]
     planes[OPACITY] = columns(OPACITY, [], steps)
     looks = [
         look_of(s, o, c, exponents) for s, (o,), c in zip(planes[SCALE], planes[OPACITY], cover, strict=True)
     ]
-    level = header.grading.levels[POSITION]
+    level = header.levels[POSITION]
     octaves = [clip((level - ((look.alpha >> 1) - look.hidden)) >> 5, 0, coarse_log2) for look in looks]
     index = position_bits(next(streams), coarse, octaves, coarse_log2)
     require(all(abs(c) <= limit for row in index for c in row))
@@ -1234,33 +1125,24 @@ def graded_intra(
             for row, o in zip(index, octaves, strict=True)
         ]
     )
-    planes[ROTATION] = turns(next(streams), lods, [k.is_needle for k in looks], graded_turns(header, looks))
+    planes[ROTATION] = turns(next(streams), lods, [k.is_needle for k in looks], turn_steps(header, looks))
     residuals: Matrix = []
     for attribute in sorted(header.steps)[SH_DC:]:
-        steps = [graded_step(header, attribute, look.seen) for look in looks]
+        steps = [step_of(header, attribute, look.seen) for look in looks]
         planes[attribute] = columns(attribute, residuals, steps)
     anchors = [[round_divide(c, position_step) for c in row] for row in planes[POSITION]]
     return Intra(State(planes, order), anchors, cover)
 
 
-def graded_turns(header: IntraHeader, looks: list[Look]) -> tuple[Graded, Graded]:
+def turn_steps(header: IntraHeader, looks: list[Look]) -> tuple[ColumnSteps, ColumnSteps]:
     """9.6: of tilts and of spins."""
     tilts, spins = [], []
     for look in looks:
         tilt, spin = (look.long, look.flat) if look.is_needle else (look.flat, look.long)
-        tilts.append(min(graded_step(header, ROTATION, look.seen + tilt), MAX_TURN_STEP))
-        spins.append(min(graded_step(header, ROTATION, look.seen + spin - SPIN_WEIGHT), MAX_TURN_STEP))
+        tilts.append(min(step_of(header, ROTATION, look.seen + tilt), MAX_TURN_STEP))
+        spins.append(min(step_of(header, ROTATION, look.seen + spin - SPIN_WEIGHT), MAX_TURN_STEP))
     alternates = is_alternating(header, ROTATION)
-    return Graded(tilts, alternates), Graded(spins, alternates)
-
-
-def intra_gaussians(
-    streams: Iterator[RangeDecoder], n: int, header: IntraHeader, coding: tuple[dict[int, int], bool]
-) -> Intra:
-    """Graded or not; `coding` is the exponents and `has_permutation`."""
-    if header.grading is None:
-        return coded_intra(streams, n, header, coding[1])
-    return graded_intra(streams, n, header, coding)
+    return ColumnSteps(tilts, alternates), ColumnSteps(spins, alternates)
 
 
 # --- 13 verbatim I-frames ---------------------------------------------------------------------------------
@@ -1333,7 +1215,7 @@ def expand_thinness(c: int, octaves: int, e: int) -> int:
 
 
 def thin_axis(row: Row, octaves: int, e: int) -> Row:
-    """9.7: the scales of a Gaussian from the values of its graded columns."""
+    """9.7: the scales of a Gaussian from the values of its columns."""
     if not octaves:
         return row
     return [row[0], row[1], row[1] - expand_thinness(row[2], octaves, e)]
@@ -1783,7 +1665,7 @@ def control_columns(stream: RangeDecoder, num_coded: int, hint: Row, num_columns
     residuals: Matrix = []
     for _ in range(num_columns):
         sources = [[abs(r) for r in residual] for residual in residuals] + [hint]
-        value, residual = predicted_component(stream, Lods(num_coded), residuals, sources)
+        value, residual = column(stream, Lods(num_coded), residuals, sources)
         yield value
         residuals.append(residual)
 
@@ -2449,10 +2331,6 @@ def intra_header(fields: Fields, sequence: Sequence) -> IntraHeader:
     grid = sort_grid(fields)
     steps = {attribute: fields.uvarint() for attribute in sequence.attributes}
     require(all(1 <= step <= STATE_LIMIT for step in steps.values()))
-    is_graded = fields.u8()
-    require(is_graded <= (1 if sequence.profile == MAIN else 0))
-    if not is_graded:
-        return IntraHeader(grid, steps, None)
     coarse_log2 = fields.u8()
     levels = {attribute: fields.svarint() for attribute in sequence.attributes}
     require(coarse_log2 <= 8 and all(abs(level) <= STATE_LIMIT for level in levels.values()))
@@ -2460,7 +2338,7 @@ def intra_header(fields: Fields, sequence: Sequence) -> IntraHeader:
     require(thin_octaves <= 8 and (not thin_octaves or sequence.exponents[SCALE] <= -11))
     alternating = fields.u8()
     require(alternating & ~sum(1 << a for a in sequence.attributes if a != POSITION) == 0)
-    return IntraHeader(grid, steps, Grading(coarse_log2, levels, thin_octaves, alternating))
+    return IntraHeader(grid, steps, coarse_log2, levels, thin_octaves, alternating)
 
 
 def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof | None, bool]:
@@ -2479,7 +2357,7 @@ def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof | None, 
     if kind == 1:
         header = intra_header(fields, sequence)
         streams = open_streams(fields, header.num_streams + has_permutation)
-        gof = Gof(*intra_gaussians(streams, n, header, coding), header.steps[POSITION], control)
+        gof = Gof(*coded_intra(streams, n, header, coding), header.steps[POSITION], control)
     else:
         require(kind == 0)
         streams = open_streams(fields, len(sequence.attributes) + has_permutation)
@@ -2525,9 +2403,9 @@ def topology_chunk(fields: Fields, sequence: Sequence, n: int) -> Topology:
         removed = stream.grouped([0] * n, stream.read_histograms([0], 2))
         require(sum(removed) == num_removals)
     if header:
-        births = intra_gaussians(streams, num_births, header, (sequence.exponents, False))
+        births = coded_intra(streams, num_births, header, (sequence.exponents, False))
     if has_permutation:
-        places, _ = predicted_component(next(streams), Lods(n - num_removals + num_births), [], [])
+        places, _ = column(next(streams), Lods(n - num_removals + num_births), [], [])
     require(next(streams, None) is None)
     return Topology([i for i in range(n) if not removed[i]], births, places)
 

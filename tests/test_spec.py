@@ -47,20 +47,16 @@ from dfcgs_codec.bitstream.constants import (
     Tool,
 )
 from dfcgs_codec.bitstream.container import ContainerWriter
-from dfcgs_codec.bitstream.frame_headers import ControlHeader, Grading, SortGrid
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps, SortGrid
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.graded_intra import GradedTarget
-from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.motion import MotionSymbols, classify_modes
 from dfcgs_codec.codec.residual_context import log_of
 from dfcgs_codec.codec.side_information import (
-    HistogramLayout,
-    code_layout,
     code_signed,
     code_tables,
     code_weights,
@@ -69,11 +65,11 @@ from dfcgs_codec.codec.side_information import (
 from dfcgs_codec.codec.symbols import SymbolCoder, T
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder import frame_coding, streams
-from dfcgs_codec.encoder.analysis import ZeroBin
-from dfcgs_codec.encoder.grading import TurnChooser, nearest_by, quantise_by
+from dfcgs_codec.encoder.intra_plan import IntraTarget
 from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.prior_choice import PriorMode
+from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from dfcgs_codec.entropy import coder, tables
@@ -613,22 +609,12 @@ class RandomWriter(SymbolWriter):
         super().choice(2, lambda: int(bool(self.preferred)))
         return walk(self, self.preferred)
 
-    def layout(self, evidence: Any) -> HistogramLayout | None:
-        values, _, _ = evidence()
-        use = self.rng.random() < 0.6
-        super().choice(2, lambda: int(use))
-        if not use:
-            return None
-        minimum = int(values.min()) - int(self.rng.integers(5))
-        reach = int(values.max()) - minimum
-        low_bits = reach.bit_length() - int(self.rng.integers(0, 9))
-        low_bits = max(0, low_bits)
-        size = (reach >> low_bits) + 1 + int(self.rng.integers(3))
-        center, shift = int(self.rng.integers(-60, 60)), int(self.rng.integers(0, 7))
-        return code_layout(self, HistogramLayout(minimum, low_bits, size, center, shift))
+    def predictor(self, num_before: int, evidence: Any) -> Any:
+        return self.center(evidence), self.weights(1 + num_before, None), self.weights(2 + num_before, None)
 
 
-def _intra_symbols(rng: np.random.Generator, count: int, sh_degree: int, grid: SortGrid) -> IntraSymbols:
+def _random_indices(rng: np.random.Generator, count: int, grid: SortGrid) -> Any:
+    """Coarse indices in canonical order."""
     indices = rng.integers(-20, 40, (count, 3))
     indices[rng.random(count) < 0.3] = indices[0]
     if grid.has_excess:
@@ -638,18 +624,7 @@ def _intra_symbols(rng: np.random.Generator, count: int, sh_degree: int, grid: S
     if not grid.has_excess:
         wide = np.clip(wide, 0, top)
         indices = ((wide + np.array(grid.origin)) << grid.shift) | (indices & ((1 << grid.shift) - 1))
-    order = canonical_order(morton_keys(np.clip(wide, 0, top)), indices)
-    planes = {
-        Attribute.POSITION: indices[order],
-        Attribute.SCALE: rng.integers(-60, 60, (count, 3)),
-        Attribute.ROTATION: np.column_stack([rng.integers(0, 4, count), rng.integers(-70, 70, (count, 3))]),
-        Attribute.OPACITY: rng.integers(-300, 300, (count, 1)),
-        Attribute.SH_DC: rng.integers(-50, 50, (count, 3)),
-    }
-    if sh_degree:
-        planes[Attribute.SH_1] = rng.integers(-9, 9, (count, 9))
-    permutation = rng.permutation(count) if rng.random() < 0.5 else None
-    return IntraSymbols({a: v.astype(np.int64) for a, v in planes.items()}, permutation)
+    return indices[canonical_order(morton_keys(np.clip(wide, 0, top)), indices)]
 
 
 @dataclass
@@ -736,44 +711,43 @@ def _random_topology(
     num_births = int(rng.choice([0, 1, 30, 150]))
     births = None
     if num_births:
-        births = _random_task(rng, num_births, attributes)
+        births = _random_task(rng, num_births, attributes, before.visibility.units)
         births = replace(births, target=replace(births.target, permutation=None))
     total = len(kept) + num_births
     inputs = rng.permutation(total) if rng.random() < 0.4 else None
     return frame_coding.TopologyChange(kept, count, births, inputs)
 
 
-def _random_task(rng: np.random.Generator, count: int, attributes: list[Attribute]) -> frame_coding.IntraTask:
-    """Symbols of an I-frame, or of births, graded or not."""
-    grid = _random_grid(rng)
+def _random_task(
+    rng: np.random.Generator, count: int, attributes: list[Attribute], units: UnitExponents
+) -> frame_coding.IntraTask:
+    """An I-frame, or births."""
+    grid, log2 = _random_grid(rng), int(rng.choice([0, 0, 1, 3, 8]))
+    coarse = _random_indices(rng, count, grid)
     steps = {attribute: int(rng.integers(1, 400)) for attribute in attributes}
     # beyond the cube of the stereographic vector, too
     steps[Attribute.ROTATION] = int(rng.integers(1, 6000))
-    symbols = _intra_symbols(rng, count, int(Attribute.SH_1 in attributes), grid)
-    if rng.random() < 0.4:
-        return frame_coding.IntraTask(symbols, grid, steps)
-    levels = {attribute: int(rng.integers(-300, 500)) for attribute in attributes}
-    alternating = frozenset(a for a in attributes if a != Attribute.POSITION and rng.random() < 0.7)
-    grading = Grading(int(rng.choice([0, 0, 1, 3, 8])), levels, int(rng.choice([0, 1, 6, 8])), alternating)
-    planes = {a: np.cumsum(rng.integers(-900, 900, v.shape), axis=0) for a, v in symbols.planes.items()}
-    planes[Attribute.ROTATION] = normalise(rng.integers(-(1 << 23), 1 << 23, (count, 4)))
-    coarse, log2 = symbols.planes[Attribute.POSITION], grading.coarse_log2
     # so that far outliers stay on the grid
     steps[Attribute.POSITION] = max(1, steps[Attribute.POSITION] >> log2)
-    positions = coarse << log2 | rng.integers(0, 1 << log2, coarse.shape)
-    target = GradedTarget(
+    levels = {attribute: int(rng.integers(-300, 500)) for attribute in attributes}
+    alternating = frozenset(a for a in attributes if a != Attribute.POSITION and rng.random() < 0.7)
+    rule = IntraSteps(steps, log2, levels, int(rng.choice([0, 1, 6, 8])), alternating)
+    planes = {
+        a: np.cumsum(rng.integers(-900, 900, (count, constants.STATE_COLUMNS[a])), axis=0) for a in attributes
+    }
+    planes[Attribute.ROTATION] = normalise(rng.integers(-(1 << 23), 1 << 23, (count, 4)))
+    bounded = frozenset(a for a in attributes if a == Attribute.OPACITY or rng.random() < 0.3)
+    target = IntraTarget(
         planes,
-        positions,
+        coarse << log2 | rng.integers(0, 1 << log2, coarse.shape),
         np.clip(rng.integers(-4, 5, count).cumsum() // 4, 0, 15) * int(rng.integers(0, 2)),
-        symbols.permutation,
-        {a: quantise_by(ZeroBin(float(rng.choice([0.5, 0.6]))), grading, a) for a in attributes},
-        nearest_by(ZeroBin(0.5)),
-        -int(rng.integers(0, 9000)),
-        lambda _: planes[Attribute.OPACITY],
-        lambda rotation: TurnChooser(planes[Attribute.ROTATION], rotation).choose,
+        rule,
+        Quantisation(units, {}, bounded, {}, frozenset()),
+        0.6,
+        rng.permutation(count) if rng.random() < 0.5 else None,
         bool(rng.integers(0, 2)),
     )
-    return frame_coding.IntraTask(target, grid, steps, grading)
+    return frame_coding.IntraTask(target, grid)
 
 
 def _random_intra(
@@ -787,7 +761,9 @@ def _random_intra(
         permutation = rng.permutation(count) if rng.random() < 0.5 else None
         state = state_of(_cloud(rng, count, header.sh_degree), header.unit_exponents)
         return frame_coding.code_verbatim_frame(index, state, permutation, setup)
-    return frame_coding.code_intra_frame(index, _random_task(rng, count, attributes), setup)
+    return frame_coding.code_intra_frame(
+        index, _random_task(rng, count, attributes, header.unit_exponents), setup
+    )
 
 
 def _random_inter(

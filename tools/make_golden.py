@@ -128,13 +128,20 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.drifting(helpers.make_cloud(50, 1), 3),
             encoder_options(intra=IntraKind.PLY, order=OutputOrder.INPUT),
         ),
-        "sign_flips": (_flipping_signs(), encoder_options(keep_axes=True)),
+        "sign_flips": (_flipping_signs(), EncoderOptions()),
         "lost_order": (
             [helpers.make_cloud(80), helpers.shuffled(helpers.make_cloud(80))],
             EncoderOptions(gof_size=1, order=OutputOrder.INPUT),
         ),
         "raw_position_bits": ([_scattered(100)], EncoderOptions(qp=0, order=OutputOrder.FREE)),
-        "histograms": (helpers.drifting(helpers.real_cloud(1000), 2), EncoderOptions(qp=34)),
+        "bounded_turns": (
+            helpers.all_changing(helpers.real_cloud(700), 2),
+            EncoderOptions(bounds=(Bound("rotation", 0.5),), order=OutputOrder.INPUT),
+        ),
+        "values_already_quantised": (
+            helpers.drifting(helpers.on_lattices(helpers.real_cloud(800)), 2),
+            EncoderOptions(qp=24),
+        ),
         "every_gof_a_frame": (helpers.drifting(helpers.make_cloud(60), 4), EncoderOptions(gof_size=1)),
         "long_gof": (helpers.all_changing(helpers.make_cloud(70), 12), EncoderOptions(gof_size=12)),
         "bounded": (
@@ -155,7 +162,7 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.all_changing(rooms.room(), 2),
             EncoderOptions(qp=36, views=rooms.viewers(), keep_unseen=True),
         ),
-        "graded_over_gof_borders": (_waving(400, 5), encoder_options(gof_size=2, control_spacing=20)),
+        "names_over_gof_borders": (_waving(400, 5), encoder_options(gof_size=2, control_spacing=20)),
         "motion": (_waving(900, 4), encoder_options(control_spacing=20)),
         "motion_by_stride": (
             _waving(600, 3),
@@ -387,22 +394,26 @@ def _crowded(header: IntraHeader) -> IntraHeader:
 
 
 def _coarse(header: IntraHeader) -> IntraHeader:
-    assert header.grading is not None
-    return replace(header, grading=replace(header.grading, coarse_log2=MAX_COARSE_LOG2 + 1))
+    assert header.steps is not None
+    return replace(header, steps=replace(header.steps, coarse_log2=MAX_COARSE_LOG2 + 1))
 
 
 def _thin(header: IntraHeader) -> IntraHeader:
-    assert header.grading is not None
-    return replace(header, grading=replace(header.grading, thin_octaves=MAX_THIN_OCTAVES + 1))
+    assert header.steps is not None
+    return replace(header, steps=replace(header.steps, thin_octaves=MAX_THIN_OCTAVES + 1))
 
 
 def _alternating_positions(header: IntraHeader) -> IntraHeader:
-    assert header.grading is not None
-    return replace(header, grading=replace(header.grading, alternating=frozenset({Attribute.POSITION})))
+    assert header.steps is not None
+    return replace(header, steps=replace(header.steps, alternating=frozenset({Attribute.POSITION})))
 
 
 def _steps(value: int) -> Callable[[IntraHeader], IntraHeader]:
-    return lambda header: replace(header, steps=dict.fromkeys(header.steps, value))
+    def change(header: IntraHeader) -> IntraHeader:
+        assert header.steps is not None
+        return replace(header, steps=replace(header.steps, steps=dict.fromkeys(header.steps.steps, value)))
+
+    return change
 
 
 def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, str]]:

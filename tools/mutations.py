@@ -9,8 +9,14 @@ from enum import IntEnum
 from functools import cache
 from typing import Any
 
-from dfcgs_codec.bitstream.constants import Attribute, ChunkType, Tool
-from dfcgs_codec.bitstream.frame_headers import Grading, InterHeader, IntraHeader, SortGrid
+from dfcgs_codec.bitstream.constants import ChunkType, Tool
+from dfcgs_codec.bitstream.frame_headers import (
+    InterHeader,
+    IntraHeader,
+    IntraSteps,
+    SortGrid,
+    coded_attributes,
+)
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
@@ -103,7 +109,9 @@ def _parse(chunk: Chunk, sequence: SequenceHeader) -> _Parsed | None:
         return None
     try:
         header = read[chunk.chunk_type]()
-        count = 2 if isinstance(header, MotionHeader) else getattr(header, "num_streams", 0)
+        count = 2 if isinstance(header, MotionHeader) else 0
+        if isinstance(header, TopologyHeader):
+            count = header.num_streams(sequence.sh_degree)
         lengths = tuple(reader.uvarint() for _ in range(count))
     except BitstreamError:
         return None
@@ -137,16 +145,15 @@ def _with_options(rng: Rng, header: Any, sequence: SequenceHeader) -> Any:
     """Now and then a part that was absent."""
     if rng.random() > 0.1:
         return header
-    levels = dict.fromkeys(list(Attribute)[: 5 + sequence.sh_degree], rng.randrange(-200, 200))
-    if isinstance(header, IntraHeader):
-        return replace(header, grading=Grading(rng.randrange(9), levels, 0, frozenset()))
     if isinstance(header, MotionHeader):
         return replace(header, spread=SpreadHeader(rng.randrange(1, 129), rng.randrange(-28, 29)))
     if isinstance(header, TopologyHeader):
-        steps = dict.fromkeys(levels, 1 << rng.randrange(20))
-        return replace(
-            header, num_births=rng.randrange(1, 99), sort_grid=SortGrid(0, 4, (0, 0, 0), False), steps=steps
-        )
+        attributes = coded_attributes(sequence.sh_degree)
+        steps = dict.fromkeys(attributes, 1 << rng.randrange(20))
+        levels = dict.fromkeys(attributes, rng.randrange(-200, 200))
+        rule = IntraSteps(steps, rng.randrange(9), levels, 0, frozenset())
+        grid = SortGrid(0, 4, (0, 0, 0), False)
+        return replace(header, num_births=rng.randrange(1, 99), sort_grid=grid, steps=rule)
     if isinstance(header, SequenceHeader):
         return replace(header, frame_numbers=FrameNumbers(((rng.randrange(9), rng.randrange(1, 9)),)))
     return header

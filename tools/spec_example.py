@@ -12,7 +12,7 @@ from __future__ import annotations
 import io
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import ClassVar, TypeVar
 from unittest import mock
@@ -20,6 +20,7 @@ from unittest import mock
 import numpy as np
 
 from dfcgs_codec.bitstream.constants import (
+    STATE_LIMIT,
     Attribute,
     ChunkType,
     Compensation,
@@ -31,37 +32,43 @@ from dfcgs_codec.bitstream.constants import (
     Tool,
 )
 from dfcgs_codec.bitstream.container import ContainerWriter
-from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps, SortGrid, intra_streams
 from dfcgs_codec.bitstream.io import ByteReader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec import gof_decoder
 from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
+from dfcgs_codec.codec.column import ColumnGoal
 from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.gof_state import GofSetup
-from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.motion import MIXED, MotionSymbols
 from dfcgs_codec.codec.side_information import (
     ABSENT_LEVEL,
     EXPECTED_SCALE_RISE,
-    HistogramLayout,
+    code_signed,
     code_tables,
     code_weights,
     histogram_models,
 )
 from dfcgs_codec.codec.symbol_reader import SymbolReader
 from dfcgs_codec.codec.symbols import (
+    ColumnFacts,
     HistogramEvidence,
     Int64,
-    LayoutEvidence,
     ResidualEvidence,
+    SplitEvidence,
+    UInt8,
     WeightEvidence,
 )
+from dfcgs_codec.codec.turns import ChooseTurns, TurnContexts, Turns, TurnWalk
 from dfcgs_codec.encoder import frame_coding, streams
+from dfcgs_codec.encoder.intra_plan import IntraTarget
 from dfcgs_codec.encoder.motion_choice import MotionTrial
+from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.entropy.coder import Model
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, scale_table
+from dfcgs_codec.transform.rotation import round_divide
 
 SPEC = Path(__file__).resolve().parents[1] / "bitstream_spec.md"
 
@@ -95,14 +102,27 @@ _FOLLOWS = [False, True, False]
 _LEVELS = {attribute: 0 if attribute == Attribute.POSITION else -1000 for attribute in _STEPS}
 _RESIDUAL = frame_coding.ResidualCoding(_STEPS, _BLOCK_LOG2, _LEVELS)
 _GRID = SortGrid(shift=0, bits=2, origin=(-1, 0, 2), has_excess=False)
-_INTRA = {
-    Attribute.POSITION: [[-1, 0, 2], [0, 0, 4], [2, 3, 3]],
-    Attribute.SCALE: [[-40, -44, -48], [-41, -41, -50], [-36, -40, -40]],
-    Attribute.ROTATION: [[0, 3, -2, 1], [2, 0, 5, -1], [0, 0, 0, 0]],
+_POSITIONS = [[-2, 0, 5], [0, 1, 9], [5, 7, 6]]
+#: in steps; axis 2 of the scales: how thin it is
+_COLUMNS = {
+    Attribute.SCALE: [[-40, -44, 4], [-41, -41, 9], [-36, -40, 0]],
     Attribute.OPACITY: [[12], [-3], [20]],
     Attribute.SH_DC: [[4, -2, 0], [1, 1, 1], [-6, 2, 3]],
 }
+#: tilts, spins and flips
+_TURNS = Turns(np.array([[3, -2], [0, 5], [0, 0]]), np.array([1, -1, 0]), np.array([0, 2, 0]))
+_COVER = [0, 2, 0]
 _PERMUTATION = [2, 0, 1]
+_INTRA_LEVELS = {
+    Attribute.POSITION: -20,
+    Attribute.SCALE: 0,
+    Attribute.ROTATION: -120,
+    Attribute.OPACITY: -80,
+    Attribute.SH_DC: -100,
+}
+_INTRA_STEPS = IntraSteps(
+    _STEPS, coarse_log2=1, levels=_INTRA_LEVELS, thin_octaves=2, alternating=frozenset({Attribute.SH_DC})
+)
 _INTER = {
     Attribute.POSITION: [[0, 0, 0], [1, 0, -1], [0, 0, 0]],
     Attribute.ROTATION: [[0, 0, 0], [0, 2, 0], [0, 0, 0]],
@@ -110,7 +130,7 @@ _INTER = {
 
 
 class PlainWriter(SymbolWriter):
-    """Predicts nothing, has one Laplace scale per component, and no histogram components."""
+    """Predicts nothing but the middle value, and has one Laplace scale per column."""
 
     def weights(self, count: int, evidence: WeightEvidence) -> Int64:
         """All zero."""
@@ -135,14 +155,54 @@ class PlainWriter(SymbolWriter):
         levels[np.searchsorted(used, contexts), symbols] = 0
         return histogram_models(self, levels, used, num_contexts, size)
 
-    def choice(self, size: int, evidence: Callable[[], int]) -> int:
-        """The bias of cells whose halves hold any number of Gaussians with the same probability."""
-        return super().choice(size, lambda: _FLAT_BIAS)
+    def predictor(self, num_before: int, evidence: Callable[[], ColumnFacts]) -> tuple[int, Int64, Int64]:
+        """The value in the middle."""
+        values = np.sort(evidence().values)
+        center = code_signed(self, int(values[len(values) // 2]), STATE_LIMIT)
+        return center, self.weights(1 + num_before, _nothing), self.weights(2 + num_before, _nothing)
 
-    def layout(self, evidence: LayoutEvidence) -> HistogramLayout | None:
-        """Predicted."""
-        super().choice(2, lambda: 0)
-        return None
+    def split_bias(self, evidence: SplitEvidence) -> int:
+        """That of cells whose halves hold any number of Gaussians with the same probability."""
+        return self.choice(16, lambda: _FLAT_BIAS)
+
+
+def _nothing() -> tuple[list[Int64], Int64]:
+    return [], np.zeros(0, np.int64)
+
+
+class _Target(IntraTarget):
+    """Columns to the nearest value, turns as they are given."""
+
+    def column(
+        self, attribute: Attribute, column: int, decoded: Mapping[Attribute, Int64], before: list[Int64]
+    ) -> ColumnGoal:
+        """See IntraGoal."""
+        values = np.array(_COLUMNS[attribute])[:, column] * _STEPS[attribute]
+
+        def choose(rows: slice, prediction: Int64, steps: Int64, _: UInt8) -> Int64:
+            return round_divide(values[rows] - prediction, steps)
+
+        return ColumnGoal(values, choose)
+
+    def turns(self, walk: TurnWalk) -> ChooseTurns:
+        """See IntraGoal."""
+
+        def choose(rows: slice, _: Int64, __: TurnContexts) -> Turns:
+            return Turns(_TURNS.tilts[rows], _TURNS.spins[rows], _TURNS.flips[rows])
+
+        return choose
+
+    def beside(self, work: Callable[[], None]) -> Callable[[], None]:
+        """See IntraGoal."""
+        work()
+        return lambda: None
+
+
+def _target() -> _Target:
+    places = np.array(_PERMUTATION, np.int64)
+    unused = Quantisation(_HEADER.unit_exponents, {}, frozenset(), {}, frozenset())
+    positions, cover = np.array(_POSITIONS, np.int64), np.array(_COVER, np.int64)
+    return _Target({}, positions, cover, _INTRA_STEPS, unused, 0.5, places, keeps_names=True)
 
 
 def _inter_symbols() -> InterSymbols:
@@ -167,10 +227,8 @@ def build() -> bytes:
     file = io.BytesIO()
     writer = ContainerWriter(file, _HEADER)
     writer.chunk(ChunkType.ENCODER_INFO, 0, b"worked example")
-    planes = {attribute: np.array(rows, np.int64) for attribute, rows in _INTRA.items()}
-    symbols = IntraSymbols(planes, np.array(_PERMUTATION, np.int64))
     with mock.patch.object(streams, "SymbolWriter", PlainWriter):
-        task = frame_coding.IntraTask(symbols, _GRID, _STEPS)
+        task = frame_coding.IntraTask(_target(), _GRID)
         intra = frame_coding.code_intra_frame(0, task, GofSetup(_CONTROL, _HEADER.unit_exponents))
         trial = _motion(intra)
         inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra.state, _RESIDUAL, trial)
@@ -257,10 +315,14 @@ def _intra_frame(trace: _Tracer) -> None:
     for axis in "xyz":
         trace.number("svarint", f"sort_origin {axis}")
     trace.number("u8", "has_excess")
-    names = [attribute.name for attribute in trace.attributes]
-    for name in names:
-        trace.number("uvarint", f"step of {name}")
-    trace.number("u8", "is_graded")
+    for attribute in trace.attributes:
+        trace.number("uvarint", f"step of {attribute.name}")
+    trace.number("u8", "coarse_log2")
+    for attribute in trace.attributes:
+        trace.number("svarint", f"visibility_level of {attribute.name}")
+    trace.number("u8", "thin_octaves")
+    trace.number("u8", "alternating", lambda v: f"{v:#04x}")
+    names = intra_streams(len(trace.attributes) - len(_STEPS))
     _streams(trace, names[:1] + ["the permutation"] * permuted + names[1:])
 
 
@@ -372,6 +434,10 @@ class _TracingReader(SymbolReader):
         self._label = "symbols"
         return result
 
+    def predictor(self, num_before: int, evidence: Callable[[], ColumnFacts]) -> tuple[int, Int64, Int64]:
+        """See SymbolCoder."""
+        return self._labelled("predictor", super().predictor, num_before, evidence)
+
     def center(self, evidence: Callable[[], Int64]) -> int:
         """See SymbolCoder."""
         return self._labelled("center", super().center, evidence)
@@ -399,9 +465,13 @@ def symbols(data: bytes) -> list[str]:
     names = {
         0: "POSITION, frame 0",
         1: "the permutation, frame 0",
-        6: "who follows, frame 1",
-        7: "control points, frame 1",
-        8: "POSITION, frame 1",
+        2: "COVER, frame 0",
+        3: "SCALE, frame 0",
+        5: "POSITION_BITS, frame 0",
+        6: "ROTATION, frame 0",
+        8: "who follows, frame 1",
+        9: "control points, frame 1",
+        10: "POSITION, frame 1",
     }
     return [
         line

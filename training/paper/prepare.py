@@ -12,11 +12,10 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import MAX_DECAY_EXPONENT, Attribute, Profile
 from dfcgs_codec.codec.compensation import GofMotion
 from dfcgs_codec.codec.dpb import SH_BANDS, FrameState
-from dfcgs_codec.codec.reconstruct import reconstruct_intra
-from dfcgs_codec.encoder.analysis import intra_symbols, order_of, plan_grid
-from dfcgs_codec.encoder.canonical import choose_axis_names
+from dfcgs_codec.encoder.frame_coding import IntraTask, code_intra_frame
 from dfcgs_codec.encoder.identity import Members
 from dfcgs_codec.encoder.options import EncoderOptions
+from dfcgs_codec.encoder.placing import Placing
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.targets import Planes, Targets
@@ -24,7 +23,6 @@ from dfcgs_codec.encoder.tuning import EncoderTuning
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import MemorySource
-from dfcgs_codec.transform.rotation import round_divide
 from lab.assets import find_asset
 from lab.scenes.catalogue import Scene, group, scene
 from training.paper.gof import NUM_FRAMES, Gof, camera_row, normalisation
@@ -108,12 +106,14 @@ def _common(
 
 def _decoded_first(plan: SequencePlan, planes: Planes) -> tuple[FrameState, Members]:
     """The I-frame as a decoder has it, and which rows of the input it is made of."""
-    indices = round_divide(planes[Attribute.POSITION], plan.steps[Attribute.POSITION])
-    order = order_of(indices, plan_grid(indices))
-    members = Members(order, choose_axis_names(planes).take(order))
-    target = members.target(planes)
-    steps = {attribute: plan.steps[attribute] for attribute in planes}
-    return reconstruct_intra(intra_symbols(target, steps, None), steps), members
+    placing, quantisation = Placing.of(planes, plan), plan.quantisation
+    order, grid = placing.intra.order(planes[Attribute.POSITION])
+    members = Members(order, placing.names.take(order))
+    wanted = placing.intra.target(
+        members.target(planes), order, quantisation, plan.options.tuning.intra_zero_bin
+    )
+    task = IntraTask(replace(wanted, keeps_names=True), grid)
+    return code_intra_frame(0, task, plan.gof_setup).state.frame, members
 
 
 def prepare_gof(

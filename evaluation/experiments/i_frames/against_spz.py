@@ -19,19 +19,17 @@ import numpy.typing as npt
 
 from dfcgs_codec import GaussianCloud
 from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute, ControlRule
-from dfcgs_codec.bitstream.frame_headers import ControlHeader, SortGrid
+from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import SH_BANDS, output
 from dfcgs_codec.codec.gof_state import GofSetup
-from dfcgs_codec.codec.intra import IntraSymbols
-from dfcgs_codec.codec.reconstruct import reconstruct_intra
-from dfcgs_codec.encoder.analysis import intra_symbols, order_of, plan_grid
 from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.frame_coding import IntraTask, code_intra_frame
+from dfcgs_codec.encoder.frame_coding import CodedFrame, IntraTask, code_intra_frame
+from dfcgs_codec.encoder.intra_plan import IntraPlan
+from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.report import attribute_errors
 from dfcgs_codec.encoder.targets import Targets, ordered
 from dfcgs_codec.ply import read_ply
-from dfcgs_codec.transform.rotation import round_divide
 from evaluation.baselines import spz
 from lab.assets import find_asset, has_asset
 from lab.record import write_result
@@ -67,25 +65,27 @@ class IntraFrame:
         """Old axis of each new one, (N, 3)."""
         return self._names.order
 
-    def _symbols(self, steps: dict[Attribute, int]) -> tuple[IntraSymbols, SortGrid, npt.NDArray[np.int64]]:
-        indices = round_divide(self._planes[Attribute.POSITION], steps[Attribute.POSITION])
-        grid = plan_grid(indices)
-        order = order_of(indices, grid)
-        return intra_symbols(ordered(self._renamed, order), steps, None), grid, order
+    def _coded(
+        self, real: dict[Attribute, float], *, keeps_names: bool
+    ) -> tuple[CodedFrame, npt.NDArray[np.int64]]:
+        """With the same steps for all, and the order of its Gaussians."""
+        steps = _steps(real)
+        everything = frozenset(steps)
+        quantisation = Quantisation(_UNITS, steps, everything, steps, everything)
+        plan = IntraPlan.of(self._renamed, None, quantisation)
+        order, grid = plan.order(self._renamed[Attribute.POSITION])
+        target = plan.target(ordered(self._renamed, order), order, quantisation, 0.5)
+        task = IntraTask(replace(target, keeps_names=keeps_names), grid)
+        return code_intra_frame(0, task, _SETUP), order
 
     def errors(self, real: dict[Attribute, float]) -> tuple[Errors, npt.NDArray[np.int64]]:
         """Errors per Gaussian, in the order returned with them."""
-        steps = _steps(real)
-        symbols, _, order = self._symbols(steps)
-        used = {a: steps[a] for a in symbols.planes}
-        decoded = output(reconstruct_intra(symbols, used), _UNITS)
-        return attribute_errors(self._cloud.take(order), decoded), order
+        coded, order = self._coded(real, keeps_names=True)
+        return attribute_errors(self._cloud.take(order), output(coded.state.frame, _UNITS)), order
 
     def num_bytes(self, real: dict[Attribute, float]) -> int:
         """Bytes of the frame's chunk, its checksum and hash included."""
-        steps = _steps(real)
-        symbols, grid, _ = self._symbols(steps)
-        return len(code_intra_frame(0, IntraTask(symbols, grid, steps), _SETUP).data)
+        return len(self._coded(real, keeps_names=False)[0].data)
 
 
 def _inside_clamps(cloud: GaussianCloud) -> dict[str, npt.NDArray[np.bool_]]:

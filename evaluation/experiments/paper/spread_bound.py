@@ -17,7 +17,7 @@ from scipy.sparse import csr_array, identity
 from scipy.sparse.linalg import splu
 
 from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
-from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
+from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder
 from dfcgs_codec.codec.compensation import GofMotion, spread_over
 from dfcgs_codec.codec.dpb import FrameState, output
 from dfcgs_codec.encoder.plan import SequencePlan
@@ -52,9 +52,8 @@ def _went(target: Planes, reference: FrameState) -> Float64:
 def _intra(frames: list[GaussianCloud], qp: float) -> tuple[SequencePlan, FrameState]:
     """The decoded I-frame, its Gaussians' places in the output being those of the input."""
     source = MemorySource(frames[:1])
-    plan = plan_sequence(
-        source, EncoderOptions(qp=qp, order=OutputOrder.INPUT, tuning=EncoderTuning(keep_axes=True))
-    )
+    tuning = EncoderTuning(intra=IntraKind.PLY)
+    plan = plan_sequence(source, EncoderOptions(qp=qp, order=OutputOrder.INPUT, tuning=tuning))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "intra.dgs"
         encode_sequence(source, path, plan.options)

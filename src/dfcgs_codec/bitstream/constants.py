@@ -29,13 +29,11 @@ MAX_OPACITY_EXPONENT = -11
 #: the sort key holds this many bits per axis at most
 MAX_SORT_BITS = 21
 MAX_SORT_SHIFT = 31
-#: octaves by which positions of a graded I-frame are coarser than their step at most
+#: octaves by which positions of an I-frame are coarser than their step at most
 MAX_COARSE_LOG2 = 8
 #: largest `thin_octaves`, and the coarsest grid of log-scales that octaves are told on
 MAX_THIN_OCTAVES = 8
 MAX_THIN_EXPONENT = -11
-#: streams of a graded I-frame that are no attribute's
-GRADED_STREAMS = ("COVER", "POSITION_BITS")
 #: log2 of the Gaussians in a significance block of a P-frame
 MIN_BLOCK_LOG2 = 3
 MAX_BLOCK_LOG2 = 12

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from dfcgs_codec.bitstream.constants import (
     FRAME_HASH_BYTES,
-    GRADED_STREAMS,
     MAX_BLOCK_LOG2,
     MAX_COARSE_LOG2,
     MAX_CONTROL_POINTS,
@@ -124,39 +122,34 @@ def write_levels(writer: ByteWriter, levels: dict[Attribute, int]) -> None:
 
 
 @dataclass(frozen=True)
-class Grading:
-    """How steps of an I-frame, or of births, follow visibility (spec section 9.6).
+class IntraSteps:
+    """Quantiser steps of an I-frame, or of births, and how they follow visibility (spec section 9.6).
 
-    Positions are coarser by up to 2**`coarse_log2`; `levels` by attribute, sixteenths of an octave; axis 2
-    is companded over `thin_octaves` of its ratio to axis 1 (spec section 9.7); two quantisers take turns in
-    `alternating` attributes (spec section 9.8).
+    `steps` are those of Gaussians of the weight `levels`, sixteenths of an octave, by attribute. Positions
+    are coarser by up to 2**`coarse_log2`; axis 2 is companded over `thin_octaves` of its ratio to axis 1
+    (spec section 9.7); two quantisers take turns in `alternating` attributes (spec section 9.8).
     """
 
+    steps: dict[Attribute, int]
     coarse_log2: int
     levels: dict[Attribute, int]
     thin_octaves: int
     alternating: frozenset[Attribute]
 
-    @staticmethod
-    def write(writer: ByteWriter, grading: Grading | None) -> None:
-        """Whether there is one, and what it says."""
-        writer.u8(int(grading is not None))
-        if grading is not None:
-            writer.u8(grading.coarse_log2)
-            write_levels(writer, grading.levels)
-            writer.u8(grading.thin_octaves)
-            writer.u8(sum(1 << attribute for attribute in grading.alternating))
+    def write(self, writer: ByteWriter) -> None:
+        """All fields in order."""
+        write_steps(writer, self.steps)
+        writer.u8(self.coarse_log2)
+        write_levels(writer, self.levels)
+        writer.u8(self.thin_octaves)
+        writer.u8(sum(1 << attribute for attribute in self.alternating))
 
     @staticmethod
-    def read(reader: ByteReader, sequence: SequenceHeader) -> Grading | None:
-        """None where there is none."""
-        offset = reader.offset
-        if not read_bounded(reader.u8, 1, "is_graded", reader):
-            return None
-        if sequence.profile == Profile.PAPER:
-            raise CorruptBitstream("a graded I-frame in profile PAPER", offset=offset)
-        coarse_log2 = read_bounded(reader.u8, MAX_COARSE_LOG2, "coarse_log2", reader)
+    def read(reader: ByteReader, sequence: SequenceHeader) -> IntraSteps:
+        """Refuses values out of range, and attributes that the sequence does not have."""
         attributes = coded_attributes(sequence.sh_degree)
+        steps = read_steps(reader, attributes)
+        coarse_log2 = read_bounded(reader.u8, MAX_COARSE_LOG2, "coarse_log2", reader)
         levels = read_levels(reader, attributes)
         offset = reader.offset
         thin_octaves = read_bounded(reader.u8, MAX_THIN_OCTAVES, "thin_octaves", reader)
@@ -167,7 +160,7 @@ class Grading:
         alternating = frozenset(a for a in attributes if a != Attribute.POSITION and mask >> a & 1)
         if sum(1 << attribute for attribute in alternating) != mask:
             raise CorruptBitstream(f"alternating {mask:#x} names unknown attributes", offset=offset)
-        return Grading(coarse_log2, levels, thin_octaves, alternating)
+        return IntraSteps(steps, coarse_log2, levels, thin_octaves, alternating)
 
 
 def coded_attributes(sh_degree: int) -> list[Attribute]:
@@ -175,9 +168,14 @@ def coded_attributes(sh_degree: int) -> list[Attribute]:
     return list(Attribute)[: Attribute.SH_1 + sh_degree]
 
 
-def num_intra_streams(attributes: Collection[Attribute], grading: Grading | None) -> int:
-    """Streams of an I-frame or of births, but for a permutation; a graded one has two more."""
-    return len(attributes) + (0 if grading is None else len(GRADED_STREAMS))
+#: what the streams of an I-frame hold that are not an attribute's: cover classes, low bits of positions
+COVER, POSITION_BITS = "COVER", "POSITION_BITS"
+
+
+def intra_streams(sh_degree: int) -> list[str]:
+    """What the streams of a coded I-frame, or of births, hold, in their order; a permutation comes second."""
+    position, scale, rotation, opacity, *colours = (a.name for a in coded_attributes(sh_degree))
+    return [position, COVER, scale, opacity, POSITION_BITS, rotation, *colours]
 
 
 @dataclass(frozen=True)
@@ -190,15 +188,14 @@ class IntraHeader:
     has_permutation: bool
     control: ControlHeader
     sort_grid: SortGrid | None
-    steps: dict[Attribute, int]
+    steps: IntraSteps | None
     lengths: tuple[int, ...]
-    grading: Grading | None = None
     has_escapes: bool = False
 
     @staticmethod
     def empty(frame_hash: bytes) -> IntraHeader:
         """That of a frame without Gaussians."""
-        return IntraHeader(frame_hash, IntraKind.CODED, 0, False, NO_CONTROL, None, {}, ())
+        return IntraHeader(frame_hash, IntraKind.CODED, 0, False, NO_CONTROL, None, None, ())
 
     def write(self, writer: ByteWriter) -> None:
         """All fields in order; grid and steps for `coded` frames only."""
@@ -210,10 +207,9 @@ class IntraHeader:
         writer.u8(int(self.has_permutation))
         writer.u8(int(self.has_escapes))
         self.control.write(writer)
-        if self.sort_grid is not None:
+        if self.sort_grid is not None and self.steps is not None:
             self.sort_grid.write(writer)
-            write_steps(writer, self.steps)
-            Grading.write(writer, self.grading)
+            self.steps.write(writer)
         for length in self.lengths:
             writer.uvarint(length)
 
@@ -234,15 +230,12 @@ class IntraHeader:
         control = ControlHeader.read(reader)
         wanted = min(n // control.spacing, MAX_CONTROL_POINTS)
         at_most(wanted, sequence.limits.max_control_points, "control points", offset)
-        attributes = coded_attributes(sequence.sh_degree)
-        grid, steps, grading = None, {}, None
+        grid, steps, num_streams = None, None, len(coded_attributes(sequence.sh_degree))
         if kind == IntraKind.CODED:
-            grid = SortGrid.read(reader)
-            steps = read_steps(reader, attributes)
-            grading = Grading.read(reader, sequence)
-        num_streams = num_intra_streams(attributes, grading) + permuted
-        lengths = tuple(reader.uvarint() for _ in range(num_streams))
-        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths, grading, has_escapes)
+            grid, steps = SortGrid.read(reader), IntraSteps.read(reader, sequence)
+            num_streams = len(intra_streams(sequence.sh_degree))
+        lengths = tuple(reader.uvarint() for _ in range(num_streams + permuted))
+        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths, has_escapes)
 
 
 def _read_block_log2(reader: ByteReader) -> int:

@@ -4,16 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.fields import read_bounded
-from dfcgs_codec.bitstream.frame_headers import (
-    Grading,
-    SortGrid,
-    coded_attributes,
-    num_intra_streams,
-    read_steps,
-    write_steps,
-)
+from dfcgs_codec.bitstream.frame_headers import IntraSteps, SortGrid, intra_streams
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 
@@ -22,8 +14,7 @@ from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 class TopologyHeader:
     """Which Gaussians go and come.
 
-    `num_births` Gaussians are coded like an I-frame with `sort_grid`, `steps` and `grading`, absent where
-    none come.
+    `num_births` Gaussians are coded like an I-frame with `sort_grid` and `steps`, absent where none come.
     `has_permutation`: whether places in the output are coded.
     """
 
@@ -31,13 +22,11 @@ class TopologyHeader:
     has_permutation: bool
     num_births: int
     sort_grid: SortGrid | None
-    steps: dict[Attribute, int]
-    grading: Grading | None = None
+    steps: IntraSteps | None = None
 
-    @property
-    def num_streams(self) -> int:
+    def num_streams(self, sh_degree: int) -> int:
         """Streams of the chunk."""
-        births = num_intra_streams(self.steps, self.grading)
+        births = len(intra_streams(sh_degree)) if self.num_births else 0
         return (self.num_removals > 0) + births + self.has_permutation
 
     def write(self, writer: ByteWriter) -> None:
@@ -45,10 +34,9 @@ class TopologyHeader:
         writer.uvarint(self.num_removals)
         writer.u8(int(self.has_permutation))
         writer.uvarint(self.num_births)
-        if self.sort_grid is not None:
+        if self.sort_grid is not None and self.steps is not None:
             self.sort_grid.write(writer)
-            write_steps(writer, self.steps)
-            Grading.write(writer, self.grading)
+            self.steps.write(writer)
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> TopologyHeader:
@@ -58,8 +46,6 @@ class TopologyHeader:
         has_permutation = bool(read_bounded(reader.u8, 1, "has_permutation", reader))
         births = read_bounded(reader.uvarint, limit, "num_births", reader)
         if not births:
-            return TopologyHeader(removals, has_permutation, 0, None, {})
-        grid = SortGrid.read(reader)
-        steps = read_steps(reader, coded_attributes(sequence.sh_degree))
-        grading = Grading.read(reader, sequence)
-        return TopologyHeader(removals, has_permutation, births, grid, steps, grading)
+            return TopologyHeader(removals, has_permutation, 0, None)
+        grid, steps = SortGrid.read(reader), IntraSteps.read(reader, sequence)
+        return TopologyHeader(removals, has_permutation, births, grid, steps)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dfcgs_codec.codec.column import round_weighted, weighted_sum
 from dfcgs_codec.codec.side_information import WEIGHT_FRACTION_BITS
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder, UInt8
 from dfcgs_codec.entropy.symbols import code_residuals
@@ -36,26 +37,6 @@ class EarlierPasses:
         """Remember a coded component."""
         self.residuals.append(residual)
         self.magnitudes.append(np.abs(residual))
-
-
-def weighted_sum(features: list[Int64], weights: Int64) -> Int64 | int:
-    """Sum of features times Q8 weights; zero weights cost nothing."""
-    total: Int64 | None = None
-    product: Int64 | None = None
-    for feature, weight in zip(features, weights.tolist(), strict=True):
-        if not weight:
-            continue
-        if total is None:
-            total = feature * weight
-            continue
-        product = np.multiply(feature, weight, out=product)
-        total += product
-    return 0 if total is None else total
-
-
-def round_weighted(total: Int64, bits: int) -> Int64:
-    """`total` / 2**bits rounded to nearest, halves up."""
-    return (total + (1 << (bits - 1))) >> bits
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ class FrameState:
     green, blue within.
     `order` (N, 1) is the place of each Gaussian in the output, or None when they come as they are.
     `verbatim` holds the float32 frame of a `ply` I-frame, in GoF order; `escapes` are values that the grids
-    do not hold. `cover` int64 (N,) are the cover classes of a graded I-frame and of what follows it; they
+    do not hold. `cover` int64 (N,) are the cover classes of a coded I-frame and of what follows it; they
     are no part of the hash.
     """
 

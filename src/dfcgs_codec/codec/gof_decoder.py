@@ -19,8 +19,7 @@ from dfcgs_codec.codec.compensation import Carried
 from dfcgs_codec.codec.dpb import FrameState, Plane, empty_state
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.inter import InterShape, code_inter
-from dfcgs_codec.codec.intra import IntraShape
-from dfcgs_codec.codec.intra_frame import IntraCoding
+from dfcgs_codec.codec.intra import IntraShape, code_intra
 from dfcgs_codec.codec.latent_motion import LatentReference, code_hyper, code_latents
 from dfcgs_codec.codec.limits import Budget, FrameCharge
 from dfcgs_codec.codec.motion import NUM_MOTION_STREAMS, MotionSymbols, code_motion
@@ -84,8 +83,15 @@ def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHead
         order = None if verbatim.permutation is None else Plane(verbatim.permutation[:, None])
         return FrameState(state.planes, order, state.verbatim)
     assert header.sort_grid is not None
-    shape = IntraShape(header.num_gaussians, attributes, header.has_permutation, header.sort_grid)
-    state = IntraCoding(shape, header.steps, header.grading, sequence.unit_exponents).code(streams.next, None)
+    assert header.steps is not None
+    shape = IntraShape(
+        header.num_gaussians,
+        header.has_permutation,
+        header.sort_grid,
+        header.steps,
+        sequence.unit_exponents,
+    )
+    state = code_intra(streams.next, None, shape)
     streams.close()
     return state
 
@@ -249,7 +255,8 @@ class _Topology:
         at_most(count, sequence.limits.max_gaussians, "num_gaussians", offset)
         if header.num_births:
             charge.births(header.num_births, count)
-        streams = _Streams(reader, tuple(reader.uvarint() for _ in range(header.num_streams)))
+        num_streams = header.num_streams(sequence.sh_degree)
+        streams = _Streams(reader, tuple(reader.uvarint() for _ in range(num_streams)))
         before = (num_gaussians, sequence.unit_exponents)
         kept, births = code_topology(streams.next, None, header, before)
         return _Topology(header, kept, births, streams)

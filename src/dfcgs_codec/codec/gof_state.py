@@ -8,14 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.bitstream.frame_headers import ControlHeader
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.activity import InterSymbols
 from dfcgs_codec.codec.compensation import Carried, ControlSource, GofMotion
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.inter_prior import Prior
 from dfcgs_codec.codec.motion import MotionSymbols
-from dfcgs_codec.codec.reconstruct import gof_levels
 from dfcgs_codec.codec.residual_context import gaussian_inputs
 from dfcgs_codec.codec.topology import insertion
 from dfcgs_codec.codec.visibility import Visibility
@@ -52,11 +51,12 @@ class GofState:
     model: ContextModel | None = None
 
     @staticmethod
-    def of_intra(frame: FrameState, setup: GofSetup, steps: dict[Attribute, int]) -> GofState:
-        """After the GoF's I-frame."""
+    def of_intra(frame: FrameState, setup: GofSetup, steps: IntraSteps | None) -> GofState:
+        """After the GoF's I-frame; `steps`: None where it has none."""
         source = ControlSource(frame.planes[Attribute.POSITION], setup.control)
-        step = steps.get(Attribute.POSITION, 1)
-        levels, visibility = gof_levels(frame, steps), Visibility(frame, setup.units)
+        step = 1 if steps is None else steps.steps[Attribute.POSITION]
+        levels = GofLevels(round_divide(frame.planes[Attribute.POSITION].wide(), step))
+        visibility = Visibility(frame, setup.units)
         return GofState(frame, levels, source, step, visibility, model=setup.model)
 
     def motion(self) -> GofMotion:

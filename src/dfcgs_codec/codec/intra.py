@@ -1,149 +1,203 @@
-"""The symbol walk of coded I-frames, one stream per attribute (spec section 11)."""
+"""The walk of a coded I-frame, or of births (spec section 11.4).
+
+Positions come first, as coarse as any of them may be; then cover classes, scales and opacities, whose steps
+depend on what is there by then; then the positions' low bits, rotations and colours.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
-from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
-from dfcgs_codec.bitstream.frame_headers import SortGrid
-from dfcgs_codec.codec.component import EarlierPasses, code_component
-from dfcgs_codec.codec.histogram_component import code_with_histogram
+from dfcgs_codec.bitstream.constants import STATE_COLUMNS, STATE_LIMIT, Attribute
+from dfcgs_codec.bitstream.frame_headers import IntraSteps, SortGrid
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.codec.column import Column, ColumnGoal, Earlier, code_integers, code_permutation
+from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.codec.intra_steps import IntraWeights, column_steps, position_octaves, turn_steps
 from dfcgs_codec.codec.position_tree import code_positions
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
-from dfcgs_codec.entropy.symbols import Groups, code_with_models
+from dfcgs_codec.codec.turns import ChooseTurns, TurnWalk
+from dfcgs_codec.entropy.symbols import code_bits
 from dfcgs_codec.errors import CorruptBitstream
+from dfcgs_codec.transform.companding import expand_thinness
 from dfcgs_codec.transform.lod import LevelsOfDetail, build_levels
 
-_NUM_CELLS = 4
+#: largest cover class
+MAX_COVER = 15
+#: steps of turns count as no larger than this, in stereographic units
+MAX_TURN_STEP = 1 << 16
+#: the axis that may be companded
+THIN_AXIS = 2
 
 
-@dataclass
-class IntraSymbols:
-    """What a coded I-frame carries, all int64, rows in canonical order.
+class IntraGoal(Protocol):
+    """What an encoder wants a frame to be, in canonical order, and how it chooses symbols."""
 
-    `planes`: POSITION (N, 3) indices; SCALE, SH_DC (N, 3); OPACITY (N, 1); SH_1 (N, 9) and so on: multiples
-    of their step; ROTATION (N, 4): axis flip 0 to 3, then the stereographic vector in steps.
-    `permutation` (N,): place of each Gaussian in the output, or None.
-    """
+    @property
+    def positions(self) -> Int64:
+        """(N, 3), in units of the position step."""
+        ...
 
-    planes: dict[Attribute, Int64] = field(default_factory=dict)
-    permutation: Int64 | None = None
+    @property
+    def cover(self) -> Int64:
+        """Cover classes (N,)."""
+        ...
 
+    @property
+    def permutation(self) -> Int64 | None:
+        """Places in the output (N,), where there are any."""
+        ...
 
-@dataclass(frozen=True)
-class Passes:
-    """What the components of one attribute are coded with; `guide` (N,) steers the first histogram."""
+    def column(
+        self, attribute: Attribute, column: int, decoded: Mapping[Attribute, Int64], before: list[Int64]
+    ) -> ColumnGoal:
+        """A column of an attribute; `decoded` planes, and the columns `before` it of its own attribute."""
+        ...
 
-    attribute: Attribute
-    guide: Int64 | None
-    earlier: EarlierPasses
+    def turns(self, walk: TurnWalk) -> ChooseTurns:
+        """How symbols of turns are chosen."""
+        ...
 
+    @property
+    def keeps_names(self) -> bool:
+        """Whether rotations keep their axes, for they are those of frames before."""
+        ...
 
-#: attributes whose components may be coded by histogram
-_HISTOGRAM_ATTRIBUTES = (Attribute.SCALE, Attribute.ROTATION, Attribute.OPACITY)
-
-
-def _code_column(
-    coder: SymbolCoder,
-    target: Int64 | None,
-    guide: Int64 | None,
-    coding: tuple[LevelsOfDetail, EarlierPasses],
-) -> Int64:
-    """One component (N,), by histogram or predicted, whichever its writer chose."""
-    lod, earlier = coding
-
-    def evidence() -> tuple[Int64, Int64 | None, Callable[[SymbolCoder], object]]:
-        assert target is not None
-        scratch = replace(earlier, residuals=list(earlier.residuals), magnitudes=list(earlier.magnitudes))
-        return target, guide, lambda other: code_component(other, target, lod, scratch)
-
-    layout = coder.layout(evidence)
-    if layout is None:
-        return code_component(coder, target, lod, earlier)
-    return code_with_histogram(coder, target, guide, (layout, earlier.num_gaussians))
-
-
-def _code_columns(coder: SymbolCoder, target: Int64 | None, lod: LevelsOfDetail, passes: Passes) -> Int64:
-    """Columns (N, C) of `passes.attribute`, each after and with the help of the columns before it."""
-    columns: list[Int64] = []
-    num_columns = 3 if passes.attribute == Attribute.ROTATION else STATE_COLUMNS[passes.attribute]
-    for c in range(num_columns):
-        given = None if target is None else target[:, c]
-        if passes.attribute in _HISTOGRAM_ATTRIBUTES:
-            guide = columns[-1] if columns else passes.guide
-            columns.append(_code_column(coder, given, guide, (lod, passes.earlier)))
-        else:
-            columns.append(code_component(coder, given, lod, passes.earlier))
-    return np.stack(columns, axis=1)
-
-
-def _code_cells(coder: SymbolCoder, cells: Int64 | None, count: int) -> Int64:
-    """Axis flips 0 to 3 with one histogram."""
-    contexts = np.zeros(count, np.uint8)
-    known = np.zeros(0, np.int64) if cells is None else cells
-    used = np.zeros(1, np.int64)
-    models = coder.histograms(used, 1, _NUM_CELLS, lambda: (known, contexts))
-    return code_with_models(coder, cells, Groups(contexts, 1), models)
-
-
-def code_attribute(coder: SymbolCoder, target: Int64 | None, lod: LevelsOfDetail, passes: Passes) -> Int64:
-    """The stream of one attribute other than POSITION; `target` and result are (N, C)."""
-    if passes.attribute != Attribute.ROTATION:
-        return _code_columns(coder, target, lod, passes)
-    cells = _code_cells(coder, None if target is None else target[:, 0], passes.earlier.num_gaussians)
-    vectors = _code_columns(coder, None if target is None else target[:, 1:], lod, passes)
-    return np.concatenate([cells[:, None], vectors], axis=1)
-
-
-def _passes_before(attribute: Attribute, coded: dict[Attribute, Int64], color: EarlierPasses) -> Passes:
-    """What an attribute may learn from: colour from all colour before it, and from size."""
-    if attribute >= Attribute.SH_DC:
-        return Passes(attribute, None, color)
-    guide = coded[Attribute.SCALE][:, 0] if attribute == Attribute.OPACITY else None
-    return Passes(attribute, guide, EarlierPasses(color.num_gaussians))
-
-
-def code_permutation(coder: SymbolCoder, target: Int64 | None, lod: LevelsOfDetail, count: int) -> Int64:
-    """Places in the output order: a component like any other, for neighbours lie near in order too."""
-    permutation = code_component(coder, target, lod, EarlierPasses(count))
-    if not np.array_equal(np.sort(permutation), np.arange(count)):
-        raise CorruptBitstream("the output order is not a permutation")
-    return permutation
+    def beside(self, work: Callable[[], None]) -> Callable[[], None]:
+        """Begin with `work`; the result waits for it."""
+        ...
 
 
 @dataclass(frozen=True)
 class IntraShape:
-    """What the header says that the walk needs."""
+    """What the headers say that the walk needs."""
 
     num_gaussians: int
-    attributes: list[Attribute]
     has_permutation: bool
     sort_grid: SortGrid
+    steps: IntraSteps
+    units: UnitExponents
+
+
+@dataclass
+class _Walk:
+    """A walk under way: where streams come from, what is wanted, what is there."""
+
+    next_coder: Callable[[], SymbolCoder]
+    goal: IntraGoal | None
+    shape: IntraShape
+    lod: LevelsOfDetail
+    planes: dict[Attribute, Int64] = field(default_factory=dict)
+
+    def columns(self, attribute: Attribute, weights: IntraWeights, earlier: Earlier) -> None:
+        """The stream of an attribute, each column with the help of `earlier` ones and those before it."""
+        coder, rule = self.next_coder(), self.shape.steps
+        steps = column_steps(rule, attribute, weights)
+        found: list[Int64] = []
+        for column in range(STATE_COLUMNS[attribute]):
+            is_thin = attribute == Attribute.SCALE and column == THIN_AXIS and rule.thin_octaves > 0
+            alternating = attribute in rule.alternating
+            walk = Column(steps, self.lod, earlier, not alternating, alternating and not is_thin)
+            goal = None
+            if self.goal is not None:
+                goal = self.goal.column(attribute, column, self.planes, found)
+            coded = walk.code(coder, goal)
+            found.append(self._third_axis(found[-1], coded) if is_thin else coded)
+        self.planes[attribute] = np.stack(found, axis=1)
+
+    def _third_axis(self, second: Int64, thinness: Int64) -> Int64:
+        """Log-scales (N,) of axis 2, from those of axis 1 and how thin it is beside it (spec section 9.7)."""
+        shape = self.shape
+        third = second - expand_thinness(thinness, shape.units.scale, shape.steps.thin_octaves)
+        return _in_range(third)
+
+    def cover(self) -> Int64:
+        """The cover classes (N,)."""
+        given = None if self.goal is None else self.goal.cover
+        cover = code_integers(self.next_coder(), given, self.lod, self.shape.num_gaussians)
+        if cover.min() < 0 or cover.max() > MAX_COVER:
+            raise CorruptBitstream("a cover class is out of range")
+        return cover
+
+    def positions(self, coarse: Int64, weights: IntraWeights) -> None:
+        """The low bits of positions; `coarse` (N, 3) is what is known of them."""
+        coder, rule = self.next_coder(), self.shape.steps
+        most, step = rule.coarse_log2, rule.steps[Attribute.POSITION]
+        octaves = position_octaves(rule, weights)
+        indices = coarse.copy()
+        for bits in range(1, most + 1):
+            rows = np.flatnonzero(octaves == most - bits)
+            low = None
+            if self.goal is not None:
+                shifted = self.goal.positions[rows] >> (most - bits)
+                low = (shifted & ((1 << bits) - 1)).ravel()
+            found = code_bits(coder, low, bits, 3 * len(rows)).reshape(-1, 3)
+            indices[rows] = (coarse[rows] << bits) | found
+        _check_indices(indices, step)
+        # the middle of the cells of the finest steps that a coarse one spans
+        width = np.left_shift(np.int64(1), octaves)[:, None]
+        self.planes[Attribute.POSITION] = _in_range(indices * width * step + ((width - 1) * step >> 1))
+
+    def rotations(self, coder: SymbolCoder, weights: IntraWeights) -> None:
+        """The rotations, in a stream that is open."""
+        rule, goal = self.shape.steps, self.goal
+        tilts, spins = (np.minimum(steps, MAX_TURN_STEP) for steps in turn_steps(rule, weights))
+        walk = TurnWalk(tilts, spins, weights.is_needle, self.lod, Attribute.ROTATION in rule.alternating)
+        choose = None if goal is None else goal.turns(walk)
+        keeps_names = goal is not None and goal.keeps_names
+        self.planes[Attribute.ROTATION] = walk.code(coder, choose, keeps_names=keeps_names)
+
+
+def _check_indices(indices: Int64, step: int) -> None:
+    if np.abs(indices).max() > 2 * STATE_LIMIT // step:
+        raise CorruptBitstream("a symbol is too large for its step")
+
+
+def _in_range(values: Int64) -> Int64:
+    if np.abs(values).max() > STATE_LIMIT:
+        raise CorruptBitstream("a reconstructed value leaves the range of the state")
+    return values
+
+
+def _at_once(work: Callable[[], None]) -> Callable[[], None]:
+    work()
+    return lambda: None
 
 
 def code_intra(
-    next_coder: Callable[[], SymbolCoder], symbols: IntraSymbols | None, shape: IntraShape
-) -> IntraSymbols:
-    """All streams of a coded I-frame; `next_coder` opens each one in turn; returns the symbols."""
-    n = shape.num_gaussians
-    result = IntraSymbols()
-
-    def given(attribute: Attribute) -> Int64 | None:
-        return None if symbols is None else symbols.planes[attribute]
-
-    positions = code_positions(next_coder(), given(Attribute.POSITION), shape.sort_grid, n)
-    result.planes[Attribute.POSITION] = positions
-    lod = build_levels(positions)
+    next_coder: Callable[[], SymbolCoder], goal: IntraGoal | None, shape: IntraShape
+) -> FrameState:
+    """All streams; `next_coder` opens each one in turn; `goal`: None when reading; returns the state."""
+    count, rule = shape.num_gaussians, shape.steps
+    known = None if goal is None else goal.positions >> rule.coarse_log2
+    coarse = code_positions(next_coder(), known, shape.sort_grid, count)
+    _check_indices(coarse, rule.steps[Attribute.POSITION])
+    walk = _Walk(next_coder, goal, shape, build_levels(coarse))
+    order = None
     if shape.has_permutation:
-        known = None if symbols is None else symbols.permutation
-        result.permutation = code_permutation(next_coder(), known, lod, n)
-    color = EarlierPasses(n)
-    for attribute in shape.attributes[1:]:
-        passes = _passes_before(attribute, result.planes, color)
-        result.planes[attribute] = code_attribute(next_coder(), given(attribute), lod, passes)
-        if attribute == Attribute.SCALE:
-            color.hints.append(result.planes[attribute].sum(axis=1))
-    return result
+        places = None if goal is None else goal.permutation
+        order = Plane(code_permutation(next_coder(), places, walk.lod, np.zeros(count, np.int64))[:, None])
+    weights = IntraWeights(walk.cover())
+    walk.columns(Attribute.SCALE, weights, Earlier())
+    weights = weights.with_scales(walk.planes[Attribute.SCALE], shape.units)
+    walk.columns(Attribute.OPACITY, weights, Earlier())
+    weights = weights.with_opacities(walk.planes[Attribute.OPACITY], shape.units)
+    walk.positions(coarse, weights)
+    # rotations and colours know nothing of each other; a reader ends a stream before it opens the next
+    coder = next_coder()
+
+    def turn() -> None:
+        walk.rotations(coder, weights)
+
+    wait = (_at_once if goal is None else goal.beside)(turn)
+    colours = Earlier()
+    for attribute in sorted(rule.steps):
+        if attribute >= Attribute.SH_DC:
+            walk.columns(attribute, weights, colours)
+    wait()
+    planes = {attribute: Plane(walk.planes[attribute]) for attribute in sorted(rule.steps)}
+    return FrameState(planes, order, cover=weights.cover)

@@ -22,7 +22,7 @@ from dfcgs_codec.entropy.symbols import (
     code_residuals,
     code_with_models,
 )
-from dfcgs_codec.entropy.tables import MAX_SPLIT_COUNT, NUM_SCALES, SPLIT_ALPHAS, Shape
+from dfcgs_codec.entropy.tables import MAX_SPLIT_COUNT, NUM_SCALES, Shape
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.morton import morton_cells, morton_keys
 
@@ -41,16 +41,6 @@ class _Cells:
     key: Int64
 
 
-def _choose_bias(counts: Int64, lower: Int64) -> int:
-    """Bias with the fewest bits; evidence only."""
-    bits = np.zeros(len(SPLIT_ALPHAS))
-    for count in np.unique(counts).tolist():
-        histogram = np.bincount(lower[counts == count], minlength=count + 1)
-        for bias in range(len(SPLIT_ALPHAS)):
-            bits[bias] -= histogram @ np.log2(split_model(bias, count).frequencies)
-    return int(bits.argmin())
-
-
 def _code_small(coder: SymbolCoder, lower: Int64 | None, counts: Int64) -> Int64:
     """Lower counts of cells of 2 to 32 Gaussians."""
     classes = np.searchsorted(_BIAS_CLASS_STARTS, counts, side="right") - 1
@@ -58,11 +48,11 @@ def _code_small(coder: SymbolCoder, lower: Int64 | None, counts: Int64) -> Int64
     for index in np.unique(classes).tolist():
         rows = classes == index
 
-        def evidence(rows: npt.NDArray[np.bool_] = rows) -> int:
+        def evidence(rows: npt.NDArray[np.bool_] = rows) -> tuple[Int64, Int64]:
             assert lower is not None
-            return _choose_bias(counts[rows], lower[rows])
+            return counts[rows], lower[rows]
 
-        biases[index] = coder.choice(len(SPLIT_ALPHAS), evidence)
+        biases[index] = coder.split_bias(evidence)
     flat = split_model(0, 2)
     models = [flat] * (MAX_SPLIT_COUNT + 1)
     for count in np.unique(counts).tolist():

@@ -10,15 +10,20 @@ from dfcgs_codec.arguments import AnyPath, path_of
 from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
-    GRADED_STREAMS,
     MAX_CONTROL_POINTS,
     STATE_COLUMNS,
     Attribute,
     ChunkType,
+    IntraKind,
     Profile,
 )
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
-from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, coded_attributes
+from dfcgs_codec.bitstream.frame_headers import (
+    InterHeader,
+    IntraHeader,
+    coded_attributes,
+    intra_streams,
+)
 from dfcgs_codec.bitstream.io import ByteReader
 from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
@@ -105,15 +110,13 @@ class SequenceInfo:
         }
 
 
-def _stream_names(attributes: list[Attribute], header: IntraHeader) -> list[str]:
+def _stream_names(header: IntraHeader, sh_degree: int) -> list[str]:
     """What is in the streams of an I-frame, in their order."""
-    names = [a.name for a in attributes]
     if not header.num_gaussians:
         return []
-    if header.grading is not None:
-        cover, bits = GRADED_STREAMS
-        position, scale, rotation, opacity, *colours = names
-        names = [position, cover, scale, opacity, bits, rotation, *colours]
+    names = [a.name for a in coded_attributes(sh_degree)]
+    if header.kind == IntraKind.CODED:
+        names = intra_streams(sh_degree)
     if header.has_permutation:
         names.insert(1, _PERMUTATION)
     return names
@@ -121,7 +124,7 @@ def _stream_names(attributes: list[Attribute], header: IntraHeader) -> list[str]
 
 def _intra(reader: ByteReader, head: ChunkHead, info: SequenceInfo, number: int) -> FrameInfo:
     header = IntraHeader.read(reader, info.header)
-    names = _stream_names(coded_attributes(info.header.sh_degree), header)
+    names = _stream_names(header, info.header.sh_degree)
     size = head.end - head.offset
     lengths = dict(zip(names, header.lengths, strict=True))
     return FrameInfo(head.frame_index, number, "I", header.num_gaussians, size, lengths)

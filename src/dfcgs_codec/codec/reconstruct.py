@@ -11,11 +11,9 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.codec.activity import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.visibility import MULTIPLIER_BITS
 from dfcgs_codec.errors import CorruptBitstream
-from dfcgs_codec.transform.lod import GofLevels
-from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, normalise, round_divide
+from dfcgs_codec.transform.rotation import from_stereo, multiply, normalise
 
 Int64 = npt.NDArray[np.int64]
 
@@ -32,33 +30,6 @@ def _in_range(values: Int64) -> Plane:
     if len(values) and (values.min() < -STATE_LIMIT or values.max() > STATE_LIMIT):
         raise CorruptBitstream("a reconstructed value leaves the range of the state")
     return Plane(values)
-
-
-def _intra_rotation(symbols: Int64, step: int) -> Int64:
-    """Quaternions of axis flips and stereographic vectors (N, 4); w of the unflipped one is >= 0."""
-    quaternions = from_stereo(scaled(symbols[:, 1:], step))
-    flipped = np.flatnonzero(symbols[:, 0])
-    flips = CELLS[symbols[flipped, 0]] * ONE
-    quaternions[flipped] = multiply(quaternions[flipped], flips)
-    return quaternions
-
-
-def reconstruct_intra(symbols: IntraSymbols, steps: dict[Attribute, int]) -> FrameState:
-    """State of a coded I-frame."""
-    planes: dict[Attribute, Plane] = {}
-    for attribute, values in symbols.planes.items():
-        if attribute == Attribute.ROTATION:
-            planes[attribute] = Plane(_intra_rotation(values, steps[attribute]))
-        else:
-            planes[attribute] = _in_range(scaled(values, steps[attribute]))
-    order = None if symbols.permutation is None else Plane(symbols.permutation[:, None])
-    return FrameState(planes, order)
-
-
-def gof_levels(state: FrameState, steps: dict[Attribute, int]) -> GofLevels:
-    """Levels for the P-frames after the I-frame `state`; without steps its grid units count."""
-    step = steps.get(Attribute.POSITION, 1)
-    return GofLevels(round_divide(state.planes[Attribute.POSITION].wide(), step))
 
 
 def _coarser(changes: Int64, multipliers: Int64 | None) -> Int64:

@@ -1,16 +1,13 @@
-"""How symbols are coded, itself coded: weights, tables, histograms (spec section 11).
+"""How symbols are coded, itself coded: weights, tables, histograms (spec sections 11.2 and 11.3).
 
 In every function the array or record to write is given, or None when reading; it is returned.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import STATE_LIMIT
 from dfcgs_codec.entropy.coder import Model, RangeCoder, categorical
 from dfcgs_codec.entropy.symbols import code_count, code_residuals
 from dfcgs_codec.entropy.tables import (
@@ -23,7 +20,6 @@ from dfcgs_codec.entropy.tables import (
 from dfcgs_codec.errors import CorruptBitstream
 
 Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
 
 WEIGHT_FRACTION_BITS = 8
 _MAX_WEIGHT = 1 << 12
@@ -128,41 +124,3 @@ def frequencies_from_levels(levels: Int64) -> Int64:
     if not weights.any():
         raise CorruptBitstream("a histogram is empty")
     return frequencies_from_weights(weights)
-
-
-MAX_HISTOGRAM_SIZE = 1024
-NUM_HISTOGRAM_CONTEXTS = 8
-MAX_HISTOGRAM_SHIFT = 29
-
-
-@dataclass(frozen=True)
-class HistogramLayout:
-    """Symbol = (value - minimum) >> low_bits, 0 <= symbol < size; low bits are raw.
-
-    Context = (guide - guide_center) >> guide_shift, clipped to -4..3, plus 4.
-    """
-
-    minimum: int
-    low_bits: int
-    size: int
-    guide_center: int
-    guide_shift: int
-
-    def contexts(self, guide: Int64 | None, count: int) -> UInt8:
-        """Contexts of `count` Gaussians; 0 without a guide."""
-        if guide is None:
-            return np.zeros(count, np.uint8)
-        half = NUM_HISTOGRAM_CONTEXTS // 2
-        step = (guide - self.guide_center) >> self.guide_shift
-        contexts: UInt8 = (np.clip(step, -half, half - 1) + half).astype(np.uint8)
-        return contexts
-
-
-def code_layout(coder: RangeCoder, layout: HistogramLayout | None) -> HistogramLayout:
-    """The layout as side information."""
-    minimum = code_signed(coder, layout.minimum if layout else None, STATE_LIMIT)
-    low_bits = code_count(coder, layout.low_bits if layout else None, MAX_HISTOGRAM_SHIFT)
-    size = code_count(coder, layout.size - 1 if layout else None, MAX_HISTOGRAM_SIZE - 1) + 1
-    center = code_signed(coder, layout.guide_center if layout else None, STATE_LIMIT)
-    shift = code_count(coder, layout.guide_shift if layout else None, MAX_HISTOGRAM_SHIFT)
-    return HistogramLayout(minimum, low_bits, size, center, shift)

@@ -8,23 +8,23 @@ import numpy as np
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
 from dfcgs_codec.codec.side_information import (
-    HistogramLayout,
-    code_layout,
     code_signed,
     code_tables,
     code_weights,
     histogram_models,
 )
 from dfcgs_codec.codec.symbols import (
+    ColumnFacts,
     HistogramEvidence,
     Int64,
-    LayoutEvidence,
     ResidualEvidence,
+    SplitEvidence,
     SymbolCoder,
     T,
     WeightEvidence,
 )
 from dfcgs_codec.entropy.coder import Model, RangeReader, uniform
+from dfcgs_codec.entropy.tables import SPLIT_ALPHAS
 
 
 class SymbolReader(RangeReader):
@@ -56,6 +56,11 @@ class SymbolReader(RangeReader):
         """See SymbolCoder."""
         return walk(self, self.choice(2, lambda: 0) == 1)
 
-    def layout(self, evidence: LayoutEvidence) -> HistogramLayout | None:
+    def predictor(self, num_before: int, evidence: Callable[[], ColumnFacts]) -> tuple[int, Int64, Int64]:
         """See SymbolCoder."""
-        return code_layout(self, None) if self.choice(2, lambda: 0) else None
+        center = code_signed(self, None, STATE_LIMIT)
+        return center, code_weights(self, None, 1 + num_before), code_weights(self, None, 2 + num_before)
+
+    def split_bias(self, evidence: SplitEvidence) -> int:
+        """See SymbolCoder."""
+        return self.choice(len(SPLIT_ALPHAS), lambda: 0)

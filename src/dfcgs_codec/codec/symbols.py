@@ -9,13 +9,13 @@ so that a reader never computes it (spec section 11).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.codec.side_information import HistogramLayout
 from dfcgs_codec.entropy.coder import Model, RangeCoder
+from dfcgs_codec.transform.lod import LevelsOfDetail
 
 Int64 = npt.NDArray[np.int64]
 UInt8 = npt.NDArray[np.uint8]
@@ -30,8 +30,17 @@ AnyReal = npt.NDArray[np.int64] | npt.NDArray[np.float64]
 WeightEvidence = Callable[[], tuple[Sequence[AnyReal], AnyReal]]
 #: symbols and their contexts
 HistogramEvidence = Callable[[], tuple[Int64, UInt8]]
-#: values, the component that guides their histogram (or None), and a function that codes them predicted
-LayoutEvidence = Callable[[], "tuple[Int64, Int64 | None, Callable[[SymbolCoder], object]]"]
+#: Gaussians of cells of the position tree, and how many of them lie in the lower half
+SplitEvidence = Callable[[], tuple[Int64, Int64]]
+
+
+class ColumnFacts(NamedTuple):
+    """What a column is predicted from: `values` and `steps` (N,), `residuals` (N,) of columns before it."""
+
+    values: Int64
+    steps: Int64
+    lod: LevelsOfDetail
+    residuals: list[Int64]
 
 
 class SymbolCoder(RangeCoder, Protocol):
@@ -63,6 +72,10 @@ class SymbolCoder(RangeCoder, Protocol):
         """A stream that is walked in one of two ways, and says which in its first symbol."""
         ...
 
-    def layout(self, evidence: LayoutEvidence) -> HistogramLayout | None:
-        """How a component is coded by histogram, or None where prediction does better."""
+    def predictor(self, num_before: int, evidence: Callable[[], ColumnFacts]) -> tuple[int, Int64, Int64]:
+        """Center, weights of the value (1 + num_before,) and of its size (2 + num_before,), Q8."""
+        ...
+
+    def split_bias(self, evidence: SplitEvidence) -> int:
+        """Bias of the models of how cells split."""
         ...

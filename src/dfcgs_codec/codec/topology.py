@@ -10,10 +10,9 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
-from dfcgs_codec.codec.component import EarlierPasses, code_component
+from dfcgs_codec.codec.column import code_permutation
 from dfcgs_codec.codec.dpb import FrameState
-from dfcgs_codec.codec.intra import IntraShape
-from dfcgs_codec.codec.intra_frame import IntraCoding, IntraTarget
+from dfcgs_codec.codec.intra import IntraGoal, IntraShape, code_intra
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
 from dfcgs_codec.entropy.symbols import Groups, code_with_models
 from dfcgs_codec.errors import CorruptBitstream
@@ -30,7 +29,7 @@ class TopologySymbols:
     """
 
     kept: Int64
-    births: IntraTarget | None
+    births: IntraGoal | None
 
 
 def _code_removals(coder: SymbolCoder, kept: Int64 | None, num_gaussians: int, num_removals: int) -> Int64:
@@ -60,21 +59,15 @@ def code_topology(
     if header.num_removals:
         known = None if symbols is None else symbols.kept
         kept = _code_removals(next_coder(), known, num_gaussians, header.num_removals)
-    if header.sort_grid is None:
+    if header.sort_grid is None or header.steps is None:
         return kept, None
-    shape = IntraShape(header.num_births, sorted(header.steps), False, header.sort_grid)
-    coding = IntraCoding(shape, header.steps, header.grading, units)
-    return kept, coding.code(next_coder, None if symbols is None else symbols.births)
+    shape = IntraShape(header.num_births, False, header.sort_grid, header.steps, units)
+    return kept, code_intra(next_coder, None if symbols is None else symbols.births, shape)
 
 
 def code_places(coder: SymbolCoder, places: Int64 | None, expected: Int64) -> Int64:
     """Place in the output of each Gaussian, as difference from the `expected` ones; both (N,)."""
-    count = len(expected)
-    given = None if places is None else places - expected
-    found = code_component(coder, given, order_levels(count), EarlierPasses(count)) + expected
-    if not np.array_equal(np.sort(found), np.arange(count)):
-        raise CorruptBitstream("the output order is not a permutation")
-    return found
+    return code_permutation(coder, places, order_levels(len(expected)), expected)
 
 
 def insertion(keys: Int64, births: Int64) -> Int64:

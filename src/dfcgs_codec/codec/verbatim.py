@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.codec.column import code_permutation
 from dfcgs_codec.codec.dpb import SH_BANDS, FrameState, Plane, sh_bands, sh_rest_of_bands
-from dfcgs_codec.codec.intra import code_permutation
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder, UInt8
 from dfcgs_codec.entropy.symbols import Groups, code_bits, code_with_models
 from dfcgs_codec.gaussians import GaussianCloud
@@ -107,7 +107,7 @@ def code_verbatim(
         result.append(np.stack(columns, axis=1))
         if index == 0 and has_permutation:
             given = None if symbols is None else symbols.permutation
-            permutation = code_permutation(next_coder(), given, lod, count)
+            permutation = code_permutation(next_coder(), given, lod, np.zeros(count, np.int64))
     return VerbatimSymbols(result, permutation)
 
 

@@ -1,4 +1,4 @@
-"""Steps that follow what can be seen of each Gaussian (spec sections 9.5 and 9.6).
+"""Steps that follow what can be seen of each Gaussian (spec section 9.5).
 
 A step's effect on the image falls with the Gaussian's opacity and area, the turn of a round Gaussian shows
 nothing, and what lies behind others shows less, by its cover class. What is known of scale, opacity and cover
@@ -9,7 +9,6 @@ small tables hold what is not.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -45,11 +44,6 @@ MULTIPLIER_BITS = 8
 
 #: what a cover class takes from a weight: half an octave of the step
 COVER_WEIGHT = 16
-#: turns about the longest axis, and tilts of discs, weigh no more than this
-MAX_TURN_WEIGHT = 64
-#: what a turn about a Gaussian's own pole weighs less than a tilt of it
-SPIN_WEIGHT = 16
-
 _ALPHA_WEIGHTS = np.array(ALPHA_WEIGHTS, np.int64)
 _ROUNDNESS_WEIGHTS = np.array(ROUNDNESS_WEIGHTS, np.int64)
 _MULTIPLIERS = np.array(MULTIPLIERS, np.int64)
@@ -65,16 +59,8 @@ def alpha_weights(opacity: Int64, exponent: int) -> Int64:
     return weights
 
 
-def longest_axes(scales: npt.NDArray[np.integer], exponent: int) -> tuple[Int64, Int64]:
-    """log2, in sixteenths, of the longest and the middle axis (N,) of log-scales (N, 3)."""
-    x, y, z = (column.astype(np.int64) for column in scales.T)
-    low, high = np.minimum(x, y), np.maximum(x, y)
-    longest, middle = np.maximum(high, z), np.maximum(low, np.minimum(high, z))
-    shift = min(max(OCTAVES_PER_LOG_BITS - exponent, 0), _MAX_SHIFT)
-    return longest * OCTAVES_PER_LOG >> shift, middle * OCTAVES_PER_LOG >> shift
-
-
-def _roundness_weights(ratio: Int64) -> Int64:
+def roundness_weights(ratio: Int64) -> Int64:
+    """log2((r - 1/r)**2) of axes whose ratio r has the log2 `ratio`; both (N,), in sixteenths."""
     ratio = np.maximum(ratio, 0)
     known = _ROUNDNESS_WEIGHTS[np.minimum(ratio >> 2, len(ROUNDNESS_WEIGHTS) - 1)]
     weights: Int64 = np.where(ratio >> 2 < len(ROUNDNESS_WEIGHTS), known, 2 * ratio)
@@ -87,65 +73,11 @@ def coarseness_of(level: int, weights: Int64) -> Int64:
     return coarseness
 
 
-def steps_of(step: int, level: int, weights: Int64) -> Int64:
-    """Steps (N,) of Gaussians with `weights` (N,): `step` for those of weight `level` (spec section 9.6)."""
+def coarser_steps(step: int, level: int, weights: Int64) -> Int64:
+    """Steps (N,) of Gaussians with `weights` (N,): `step` for those of weight `level` and more."""
     multipliers = _MULTIPLIERS[coarseness_of(level, weights)]
     steps: Int64 = (step * multipliers + (1 << (MULTIPLIER_BITS - 1))) >> MULTIPLIER_BITS
     return steps
-
-
-def coarse_octaves(level: int, weights: Int64, most: int) -> Int64:
-    """By how many whole octaves, 0 to `most`, steps of Gaussians with `weights` are coarser, (N,)."""
-    octaves: Int64 = np.clip((level - weights) >> 5, 0, most)
-    return octaves
-
-
-@dataclass(frozen=True)
-class IntraWeights:
-    """How much errors show of Gaussians of an I-frame, (N,) each, as far as they are decoded.
-
-    `cover` int64 (N,); `axes`: log2, in sixteenths, of the three axes as they come; `alpha`: see
-    `alpha_weights`.
-    """
-
-    cover: Int64
-    axes: tuple[Int64, Int64, Int64]
-    alpha: Int64
-
-    @staticmethod
-    def of_cover(cover: Int64) -> Int64:
-        """Before anything else is known: of scales."""
-        return -COVER_WEIGHT * cover
-
-    @staticmethod
-    def area(axes: tuple[Int64, Int64, Int64]) -> Int64:
-        """log2, in sixteenths, of the area of the two longest axes."""
-        x, y, z = axes
-        total: Int64 = x + y + z - np.minimum(np.minimum(x, y), z)
-        return total
-
-    def of(self, attribute: Attribute) -> Int64:
-        """Of positions and colours."""
-        shown = self.alpha
-        if attribute != Attribute.POSITION:
-            shown = shown + self.area(self.axes)
-        return (shown >> 1) + self.of_cover(self.cover)
-
-    @property
-    def is_needle(self) -> npt.NDArray[np.bool_]:
-        """Whether the pole is axis 0, not axis 2: the one that differs most from the two others."""
-        x, y, z = self.axes
-        needles: npt.NDArray[np.bool_] = x - y > y - z
-        return needles
-
-    def turns(self) -> tuple[Int64, Int64]:
-        """Of tilts of the pole, and of turns about it."""
-        x, y, z = self.axes
-        flat = np.minimum(_roundness_weights(np.where(self.is_needle, y - z, x - z)), MAX_TURN_WEIGHT)
-        long = _roundness_weights(x - y)
-        shown = self.of(Attribute.SH_DC)
-        tilt, spin = np.where(self.is_needle, long, flat), np.where(self.is_needle, flat, long)
-        return shown + tilt, shown + spin - SPIN_WEIGHT
 
 
 def axes_of(scales: npt.NDArray[np.integer], exponent: int) -> tuple[Int64, Int64, Int64]:
@@ -178,7 +110,9 @@ class Visibility:
         """How much an error of `attribute` shows in the image, (N,) in sixteenths of an octave."""
         if self._parts is None:
             scale, opacity = self._planes
-            longest, middle = longest_axes(scale.values, self.units.scale)
+            x, y, z = axes_of(scale.values, self.units.scale)
+            low, high = np.minimum(x, y), np.maximum(x, y)
+            longest, middle = np.maximum(high, z), np.maximum(low, np.minimum(high, z))
             alpha = alpha_weights(opacity.wide()[:, 0], self.units.opacity)
             hidden = np.int64(0) if self._cover is None else COVER_WEIGHT * self._cover
             self._parts = (alpha - hidden, longest + middle - hidden, longest - middle, longest + middle)
@@ -188,7 +122,7 @@ class Visibility:
         if attribute == Attribute.OPACITY:
             return covered_area
         if attribute == Attribute.ROTATION:
-            return alpha + area + _roundness_weights(ratio)
+            return alpha + area + roundness_weights(ratio)
         return alpha + area
 
     def multipliers(self, attribute: Attribute, level: int) -> Int64:

@@ -10,15 +10,22 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import MAX_SORT_BITS, Attribute
 from dfcgs_codec.bitstream.frame_headers import SortGrid
-from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols, classify_blocks, nonzero_rows
+from dfcgs_codec.codec.activity import (
+    DENSE,
+    NUM_MAGNITUDES,
+    AttributeActivity,
+    InterSymbols,
+    nonzero_rows,
+    row_sums,
+)
 from dfcgs_codec.codec.dpb import FrameState
-from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.transform.companding import compress
+from dfcgs_codec.transform.lod import ladder
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
 from dfcgs_codec.transform.pieces import pieces
-from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, multiply, round_divide, to_stereo
+from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, multiply, to_stereo
 
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
@@ -29,6 +36,8 @@ Planes = dict[Attribute, Int64]
 SLACK = 0.6
 #: logit of the least opacity that is drawn
 FAINTEST = -4.5
+#: with more significant Gaussians than this, all are coded, and their nearest neighbours help
+_ALL_DENSE_SHARE = 0.85
 #: a unit quaternion times these is its inverse
 _CONJUGATE = np.array([1, -1, -1, -1])
 
@@ -86,27 +95,6 @@ def order_of(indices: Int64, grid: SortGrid) -> Int64:
     """Canonical order of position `indices` (N, 3)."""
     cells = np.clip((indices >> grid.shift) - np.array(grid.origin), 0, (1 << grid.bits) - 1)
     return canonical_order(morton_keys(cells), indices)
-
-
-def _rotation_symbols(quaternions: Int64, step: int) -> Int64:
-    """Axis flip that makes w the largest component, then the stereographic vector in steps."""
-    cells = np.abs(quaternions).argmax(axis=1)
-    conjugate = np.zeros_like(quaternions)
-    conjugate[np.arange(len(cells)), cells] = np.where(cells == 0, ONE, -ONE)
-    unflipped = multiply(quaternions, conjugate)
-    vectors = to_stereo(unflipped / ONE) * (STEREO_ONE / step)
-    return np.concatenate([cells[:, None], np.rint(vectors).astype(np.int64)], axis=1)
-
-
-def intra_symbols(target: Planes, steps: dict[Attribute, int], permutation: Int64 | None) -> IntraSymbols:
-    """Symbols of an I-frame; `target` planes are int64 in canonical order."""
-    planes: Planes = {}
-    for attribute, values in target.items():
-        if attribute == Attribute.ROTATION:
-            planes[attribute] = _rotation_symbols(values, steps[attribute])
-        else:
-            planes[attribute] = round_divide(values, steps[attribute])
-    return IntraSymbols(planes, permutation)
 
 
 def relative_rotation(target: Int64, reference: Int64, step: int) -> npt.NDArray[np.float64]:
@@ -173,6 +161,22 @@ def moved_rows(attribute: Attribute, reference: FrameState, predicted: FrameStat
     """Whether each Gaussian of `predicted` differs from `reference`; None where none does."""
     old, new = reference.planes[attribute], predicted.planes[attribute]
     return None if old is new else nonzero_rows(new.values - old.values)
+
+
+def classify_blocks(symbols: Int64, block_log2: int) -> tuple[Int64, Int64]:
+    """Density and magnitude class of each block of `symbols` (N, C)."""
+    starts = np.arange(0, len(symbols), 1 << block_log2)
+    magnitude = row_sums(np.abs(symbols))
+    significant = np.add.reduceat((magnitude > 0).astype(np.int64), starts)
+    size = np.diff(np.append(starts, len(symbols)))
+    density = np.where(significant * 4 < size, 1, 2)
+    density = np.where(significant == size, DENSE, density)
+    density[significant == 0] = 0
+    if significant.sum() > _ALL_DENSE_SHARE * len(symbols):
+        density[:] = DENSE
+    total = np.add.reduceat(magnitude, starts) * 4
+    mean = total // np.maximum(significant * symbols.shape[1], 1)
+    return density, ladder(mean, NUM_MAGNITUDES)
 
 
 def inter_symbols(

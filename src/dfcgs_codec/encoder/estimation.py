@@ -14,19 +14,16 @@ import numpy.typing as npt
 from dfcgs_codec.codec.side_information import (
     ABSENT_LEVEL,
     EXPECTED_SCALE_RISE,
-    MAX_HISTOGRAM_SHIFT,
-    MAX_HISTOGRAM_SIZE,
-    NUM_HISTOGRAM_CONTEXTS,
     WEIGHT_FRACTION_BITS,
-    HistogramLayout,
 )
 from dfcgs_codec.codec.symbols import AnyReal
-from dfcgs_codec.entropy.coder import scale_model
+from dfcgs_codec.entropy.coder import scale_model, split_model
 from dfcgs_codec.entropy.tables import (
     NUM_BASE_SCALES,
     NUM_SCALES,
     NUM_SHAPES,
     SCALES_PER_OCTAVE,
+    SPLIT_ALPHAS,
     Shape,
 )
 
@@ -180,21 +177,11 @@ def fit_histogram_levels(symbols: Int64, contexts: UInt8, used: Int64, size: int
     return np.where(rows > 0, np.minimum(down, ABSENT_LEVEL - 1), ABSENT_LEVEL).astype(np.int64)
 
 
-def fit_layout(values: Int64, guide: Int64 | None) -> HistogramLayout | None:
-    """A histogram for `values`, or None where there are too few to pay for one.
-
-    Bins are as fine as 16 values a bin allow; contexts cover the guide's middle 80 %.
-    """
-    low, high = int(values.min()), int(values.max())
-    target_bins = min(MAX_HISTOGRAM_SIZE, len(values) // 16)
-    if target_bins < 2:
-        return None
-    low_bits = max(0, ((high - low) // target_bins).bit_length())
-    size = (high - low >> low_bits) + 1
-    if guide is None:
-        return HistogramLayout(low, low_bits, size, 0, 0)
-    tenth, middle, ninetieth = np.quantile(guide, [0.1, 0.5, 0.9], method="nearest").tolist()
-    # few Gaussians get few contexts
-    contexts = min(NUM_HISTOGRAM_CONTEXTS, max(1, len(values) // (64 * size)))
-    shift = int(np.ceil(np.log2(max(1.0, (ninetieth - tenth) / contexts))))
-    return HistogramLayout(low, low_bits, size, middle, min(shift, MAX_HISTOGRAM_SHIFT))
+def fit_split_bias(counts: Int64, lower: Int64) -> int:
+    """Bias with the fewest bits for cells of `counts` Gaussians, `lower` of which lie in the lower half."""
+    bits = np.zeros(len(SPLIT_ALPHAS))
+    for count in np.unique(counts).tolist():
+        histogram = np.bincount(lower[counts == count], minlength=count + 1)
+        for bias in range(len(SPLIT_ALPHAS)):
+            bits[bias] -= histogram @ np.log2(split_model(bias, count).frequencies)
+    return int(bits.argmin())

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.container import write_chunk
 from dfcgs_codec.bitstream.frame_headers import (
-    Grading,
     InterHeader,
     IntraHeader,
     SortGrid,
@@ -23,12 +22,12 @@ from dfcgs_codec.codec.activity import InterSymbols
 from dfcgs_codec.codec.dpb import FrameState, Plane, empty_state, verbatim_columns
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.inter import InterShape, code_inter
-from dfcgs_codec.codec.intra import IntraShape
-from dfcgs_codec.codec.intra_frame import IntraCoding, IntraTarget
+from dfcgs_codec.codec.intra import IntraShape, code_intra
 from dfcgs_codec.codec.motion import code_motion
 from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topology
 from dfcgs_codec.codec.verbatim import VerbatimSymbols, code_verbatim
+from dfcgs_codec.encoder.intra_plan import IntraTarget
 from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.prior_choice import PriorChoice, PriorMode
 from dfcgs_codec.encoder.streams import Streams
@@ -100,10 +99,9 @@ class TopologyChange:
         """Coded once for all motions that are tried: they change nothing here."""
         if not self.memo:
             births, streams = self.births, Streams()
-            grid = None if births is None else births.grid
-            used, grading = ({}, None) if births is None else (births.used, births.grading)
+            grid, steps = (None, None) if births is None else (births.grid, births.target.steps)
             num_removals = self.num_before - len(self.kept)
-            header = TopologyHeader(num_removals, False, self.num_births, grid, used, grading)
+            header = TopologyHeader(num_removals, False, self.num_births, grid, steps)
             symbols = TopologySymbols(self.kept, None if births is None else births.target)
             _, born = code_topology(streams.next, symbols, header, (self.num_before, units))
             self.memo.append(CodedTopology(header, streams.finish(), born))
@@ -120,57 +118,37 @@ def _intra_chunk(frame_index: int, header: IntraHeader, streams: list[bytes]) ->
 
 @dataclass(frozen=True)
 class IntraTask:
-    """An I-frame, or births, to be coded: what is wanted, the sort grid and steps, the grading, if any."""
+    """An I-frame, or births, to be coded: what is wanted, and the sort grid."""
 
     target: IntraTarget
     grid: SortGrid
-    steps: dict[Attribute, int]
-    grading: Grading | None = None
 
     @property
     def count(self) -> int:
         """N."""
-        return len(self.target.planes[Attribute.POSITION])
-
-    @property
-    def used(self) -> dict[Attribute, int]:
-        """Steps of the attributes that there are."""
-        return {attribute: self.steps[attribute] for attribute in sorted(self.target.planes)}
-
-    def coding(self, units: UnitExponents) -> IntraCoding:
-        """How it is coded."""
-        permuted = self.target.permutation is not None
-        shape = IntraShape(self.count, list(self.used), permuted, self.grid)
-        return IntraCoding(shape, self.used, self.grading, units)
+        return len(self.target.positions)
 
 
 def code_intra_frame(frame_index: int, task: IntraTask, setup: GofSetup) -> CodedFrame:
     """A `coded` I-frame."""
-    streams, used = Streams(), task.used
-    coding = task.coding(setup.units)
-    state = coding.code(streams.next, task.target)
+    target, streams = task.target, Streams()
+    permuted = target.permutation is not None
+    shape = IntraShape(task.count, permuted, task.grid, target.steps, setup.units)
+    state = code_intra(streams.next, target, shape)
     coded = streams.finish()
-    lengths, permuted = tuple(map(len, coded)), coding.shape.has_permutation
+    lengths, kind = tuple(map(len, coded)), IntraKind.CODED
     header = IntraHeader(
-        state.hash(),
-        IntraKind.CODED,
-        task.count,
-        permuted,
-        setup.control,
-        task.grid,
-        used,
-        lengths,
-        task.grading,
+        state.hash(), kind, task.count, permuted, setup.control, task.grid, target.steps, lengths
     )
     chunk = _intra_chunk(frame_index, header, coded)
-    return CodedFrame(chunk, "I", GofState.of_intra(state, setup, used))
+    return CodedFrame(chunk, "I", GofState.of_intra(state, setup, target.steps))
 
 
 def code_empty_frame(frame_index: int, attributes: list[Attribute], setup: GofSetup) -> CodedFrame:
     """An I-frame without Gaussians."""
     state = empty_state(attributes)
     chunk = _intra_chunk(frame_index, IntraHeader.empty(state.hash()), [])
-    return CodedFrame(chunk, "I", GofState.of_intra(state, setup, {}))
+    return CodedFrame(chunk, "I", GofState.of_intra(state, setup, None))
 
 
 def code_repetition(frame_index: int, before: GofState) -> CodedFrame:
@@ -195,9 +173,9 @@ def code_verbatim_frame(
     ordered = FrameState(state.planes, order, state.verbatim)
     coded = streams.finish()
     lengths = tuple(map(len, coded))
-    header = IntraHeader(ordered.hash(), IntraKind.PLY, count, permuted, setup.control, None, {}, lengths)
+    header = IntraHeader(ordered.hash(), IntraKind.PLY, count, permuted, setup.control, None, None, lengths)
     chunk = _intra_chunk(frame_index, header, coded)
-    return CodedFrame(chunk, "I", GofState.of_intra(ordered, setup, {}))
+    return CodedFrame(chunk, "I", GofState.of_intra(ordered, setup, None))
 
 
 def _chunk_of_streams(kind: ChunkType, frame_index: int, head: ByteWriter, streams: list[bytes]) -> bytes:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute, Compensation, OutputOrder
-from dfcgs_codec.bitstream.frame_headers import Grading
+from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.codec.activity import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.visibility import Visibility
@@ -18,9 +18,6 @@ from dfcgs_codec.encoder.analysis import (
     ResidualQuantiser,
     ZeroBin,
     inter_symbols,
-    intra_symbols,
-    order_of,
-    plan_grid,
 )
 from dfcgs_codec.encoder.canonical import choose_axis_names
 from dfcgs_codec.encoder.frame_coding import (
@@ -30,8 +27,8 @@ from dfcgs_codec.encoder.frame_coding import (
     TopologyChange,
     code_inter_frame,
 )
-from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.identity import Members, Succession
+from dfcgs_codec.encoder.intra_plan import IntraPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.prior_choice import PriorChoice
@@ -39,7 +36,6 @@ from dfcgs_codec.encoder.reference import InputFrame
 from dfcgs_codec.encoder.spread_motion import spread_header, spread_motion
 from dfcgs_codec.encoder.targets import ordered
 from dfcgs_codec.encoder.tuning import MotionMode
-from dfcgs_codec.transform.rotation import round_divide
 
 Int64 = npt.NDArray[np.int64]
 
@@ -81,13 +77,13 @@ class InterCoder:
         self._choice = PriorChoice(plan.options.tuning.prior)
         self._quantisation, self._slack_share = plan.quantisation, SLACK
         self._trusted = 0
-        self._grading: Grading | None = None
+        self._intra_steps: IntraSteps | None = None
         self._known_slack: tuple[Visibility, dict[Attribute, npt.NDArray[np.int64]]] | None = None
         self._known_levels: tuple[Visibility, dict[Attribute, int]] | None = None
 
-    def begin(self, grading: Grading | None) -> None:
-        """A GoF begins; `grading` of its I-frame, if it is graded."""
-        self._grading, self._known_slack, self._trusted = grading, None, 0
+    def begin(self, steps: IntraSteps) -> None:
+        """A GoF begins, with a coded I-frame that has these steps."""
+        self._intra_steps, self._known_slack, self._trusted = steps, None, 0
 
     def code(self, task: InterTask, finer: float = 0.0) -> tuple[CodedFrame, MotionHint | None]:
         """With motion or without, whichever is smaller, and what motion was best.
@@ -127,8 +123,8 @@ class InterCoder:
             if succession.members.names is not None:
                 names = choose_axis_names(born)
                 born = names.rename(born)
-            cover = np.zeros(len(rows), np.int64) if frame.cover is None else frame.cover[rows]
-            order, task = self._birth_task(born, cover)
+            cover = None if frame.cover is None else frame.cover[rows]
+            order, task = self._birth_task(born, cover, keeps_names=names is None)
             rows, target = rows[order], ordered(born, order)
             names = None if names is None else names.take(order)
         inputs = None
@@ -137,24 +133,15 @@ class InterCoder:
         change = TopologyChange(succession.kept, succession.num_before, task, inputs)
         return Births(change, Members(rows, names), target)
 
-    def _birth_task(self, born: Planes, cover: Int64) -> tuple[Int64, IntraTask]:
-        """Canonical order of Gaussians that come, `born` in the input's, and how they are coded.
-
-        Graded as those of an I-frame are.
-        """
-        quantisation, positions = self._plan.quantisation, born[Attribute.POSITION]
-        if self._plan.is_graded:
-            graded = GradedPlan.of(born, cover, quantisation)
-            order, grid = graded.order(positions, quantisation)
-            wanted = graded.target(
-                ordered(born, order), order, quantisation, self._plan.options.tuning.intra_zero_bin
-            )
-            return order, IntraTask(wanted, grid, quantisation.graded_steps, graded.grading)
-        indices = round_divide(positions, self._plan.steps[Attribute.POSITION])
-        grid = plan_grid(indices)
-        order = order_of(indices, grid)
-        symbols = intra_symbols(ordered(born, order), self._plan.steps, None)
-        return order, IntraTask(symbols, grid, self._plan.steps)
+    def _birth_task(self, born: Planes, cover: Int64 | None, *, keeps_names: bool) -> tuple[Int64, IntraTask]:
+        """Canonical order of Gaussians that come, `born` in the input's, and how they are coded."""
+        quantisation = self._plan.quantisation
+        intra = IntraPlan.of(born, cover, quantisation)
+        order, grid = intra.order(born[Attribute.POSITION])
+        wanted = intra.target(
+            ordered(born, order), order, quantisation, self._plan.options.tuning.intra_zero_bin
+        )
+        return order, IntraTask(replace(wanted, keeps_names=keeps_names), grid)
 
     def _coded(self, task: InterTask, trial: MotionTrial | None) -> CodedFrame:
         quantisation, tuning = self._quantisation, self._plan.options.tuning
@@ -185,13 +172,13 @@ class InterCoder:
         return known[1]
 
     def slack(self, state: GofState) -> dict[Attribute, npt.NDArray[np.int64]]:
-        """Steps that the Gaussians had in a graded I-frame: errors that these left are not mended now."""
-        if self._grading is None:
+        """Steps that the Gaussians had in a coded I-frame: errors that these left are not mended now."""
+        if self._intra_steps is None:
             return {}
         known = self._known_slack
         if known is None or known[0] is not state.visibility:
-            steps = self._plan.quantisation.graded_steps
-            found = steps_in_intra_frame(state.frame, self._plan.quantisation.units, self._grading, steps)
+            units = self._plan.quantisation.units
+            found = steps_in_intra_frame(state.frame, units, self._intra_steps)
             free = found.keys() - self._plan.quantisation.bounded
             known = self._known_slack = (state.visibility, {a: found[a] for a in free})
         return known[1]

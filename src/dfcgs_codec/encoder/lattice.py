@@ -7,7 +7,6 @@ error, for the bits that they hold; in finer steps each would cost bits that say
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +24,7 @@ _SHARE, _NOT_ZERO = 0.99, 0.01
 _LOOKED_AT = 2000
 #: values that are neither 0 nor 1 nor -1 times the step, at least
 _FEWEST = 8
-#: octaves, in the mean of the columns, by which lattices may be finer than the steps of graded I-frames: for
+#: octaves, in the mean of the columns, by which lattices may be finer than the steps of I-frames: for
 #: the bits more all error of these columns is gone. Measured where both ways are equal
 _MEAN_OCTAVES = -0.4
 #: and in each attribute
@@ -68,7 +67,7 @@ def _kept(found: Mapping[Attribute, int], quantisation: Quantisation, sh_degree:
     steps, octaves = {}, {}
     for attribute, exponent in found.items():
         log2 = exponent - exponents[attribute]
-        octave = log2 - float(np.log2(quantisation.graded_steps[attribute]))
+        octave = log2 - float(np.log2(quantisation.intra_steps[attribute]))
         if log2 >= 0 and octave >= _LEAST_OCTAVES and attribute not in quantisation.bounded:
             steps[attribute], octaves[attribute] = 1 << log2, octave
     # without spherical harmonics I-frames whose steps follow visibility are worth more
@@ -97,10 +96,4 @@ def keep_exactly(
             return quantisation
     names = ", ".join(f"{a.name} ({2.0 ** found[a]:g})" for a in sorted(steps))
     note = f"the input has quantised {names}: such values are kept as they are"
-    return replace(
-        quantisation,
-        steps=quantisation.steps | steps,
-        bounded=quantisation.bounded | steps.keys(),
-        exact=frozenset(steps),
-        notes=(*quantisation.notes, note),
-    )
+    return quantisation.keeping(steps, note)

@@ -1,4 +1,4 @@
-"""Axis names, canonical order and grading of a frame's Gaussians, and steps that the first frame balances."""
+"""Axis names of a frame's Gaussians, how I-frames code them, and steps that the first frame balances."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.bitstream.frame_headers import Grading, SortGrid
+from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.visibility import MULTIPLIER_BITS, Visibility
-from dfcgs_codec.encoder.analysis import Planes, order_of, plan_grid
+from dfcgs_codec.encoder.analysis import Planes
 from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, no_worse, total_error
 from dfcgs_codec.encoder.canonical import AxisNames, choose_axis_names
-from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
+from dfcgs_codec.encoder.intra_plan import IntraPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.patches import Patch
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.sensitivity import ImageError, image_errors
 from dfcgs_codec.encoder.trellis_search import ALTERNATING_ERROR
-from dfcgs_codec.transform.rotation import round_divide
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
@@ -40,29 +39,16 @@ _SHOWN_SHARE = 0.3
 
 @dataclass(frozen=True)
 class Placing:
-    """Axis names and grading, where Gaussians have any; rows as those of the input."""
+    """Axis names, and how I-frames are coded; rows as those of the input."""
 
-    names: AxisNames | None
-    graded: GradedPlan | None
+    names: AxisNames
+    intra: IntraPlan
 
     @staticmethod
     def of(planes: Planes, plan: SequencePlan, cover: Int64 | None = None) -> Placing:
         """Those of an untracked frame, or of the first of a run; `cover` (N,): cover classes."""
-        if plan.options.tuning.keep_axes:
-            return Placing(None, None)
         names = choose_axis_names(planes)
-        if not plan.is_graded:
-            return Placing(names, None)
-        cover = np.zeros(len(planes[Attribute.POSITION]), np.int64) if cover is None else cover
-        return Placing(names, GradedPlan.of(names.rename(planes), cover, plan.quantisation))
-
-    def order(self, positions: Int64, plan: SequencePlan) -> tuple[Int64, SortGrid]:
-        """Canonical order of `positions` (N, 3) in grid units, and the sort grid."""
-        if self.graded is not None:
-            return self.graded.order(positions, plan.quantisation)
-        indices = round_divide(positions, plan.steps[Attribute.POSITION])
-        grid = plan_grid(indices)
-        return order_of(indices, grid), grid
+        return Placing(names, IntraPlan.of(names.rename(planes), cover, plan.quantisation))
 
 
 @dataclass(frozen=True)
@@ -81,15 +67,11 @@ class Look:
     cover: Int64 | None
     patches: Sequence[Patch]
 
-    def placed(self, plan: SequencePlan) -> tuple[FrameState, Grading | None]:
+    def placed(self, plan: SequencePlan) -> tuple[FrameState, IntraSteps]:
         """The Gaussians as they are coded."""
         placing = Placing.of(self.planes, plan, self.cover)
-        planes = self.planes if placing.names is None else placing.names.rename(self.planes)
-        graded = placing.graded
-        state = FrameState(
-            {a: Plane(p) for a, p in planes.items()}, cover=None if graded is None else graded.cover
-        )
-        return state, None if graded is None else graded.grading
+        planes = {a: Plane(p) for a, p in placing.names.rename(self.planes).items()}
+        return FrameState(planes, cover=placing.intra.cover), placing.intra.steps
 
 
 def _together(looks: Sequence[dict[Attribute, ImageError]]) -> tuple[dict[Attribute, ImageError], float]:
@@ -117,21 +99,18 @@ def _looked(
 def intra_errors(plan: SequencePlan, looks: Sequence[Look]) -> Balance:
     """What patches show of frames that are quantised as I-frames of `plan` are."""
     placed = [look.placed(plan) for look in looks]
-    scales = [
-        {} if grading is None else dict.fromkeys(grading.alternating, ALTERNATING_ERROR)
-        for _, grading in placed
-    ]
-    drawn = [_in_intra_frames(state, plan, grading) for state, grading in placed]
+    scales = [dict.fromkeys(steps.alternating, ALTERNATING_ERROR) for _, steps in placed]
+    drawn = [_in_intra_frames(state, plan, steps) for state, steps in placed]
     return _looked(looks, drawn, scales)
 
 
 def balanced_plan(plan: SequencePlan, looks: Sequence[Look], intra: Balance) -> SequencePlan:
     """With steps in proportion to what they show; `intra`: errors of its I-frames."""
-    if not plan.is_graded:
+    if not plan.quantisation.follows_visibility:
         return plan
     bounded = plan.quantisation.bounded
-    state, grading = looks[0].placed(plan)
-    graded = balanced_octaves(intra.errors, _in_intra_frames(state, plan, grading), bounded)
+    state, steps = looks[0].placed(plan)
+    intra_octaves = balanced_octaves(intra.errors, _in_intra_frames(state, plan, steps), bounded)
     octaves: dict[Attribute, float] = {}
     if plan.header.num_frames > 1:
         drawn = [_in_inter_frames(look.placed(plan)[0], plan) for look in looks]
@@ -140,26 +119,20 @@ def balanced_plan(plan: SequencePlan, looks: Sequence[Look], intra: Balance) -> 
         counted = {a: error.scaled(shares.get(a, 1.0)) for a, error in inter.errors.items()}
         octaves = {a: _INTER_SHARE * o for a, o in balanced_octaves(counted, drawn[0], bounded).items()}
         octaves = no_worse(octaves, inter.errors, _INTER_ERROR * total_error(intra.errors, {}))
-    return replace(plan, quantisation=plan.quantisation.balanced(graded, octaves))
+    return replace(plan, quantisation=plan.quantisation.balanced(intra_octaves, octaves))
 
 
 def _wide(state: FrameState) -> dict[Attribute, Int64]:
     return {attribute: plane.wide() for attribute, plane in state.planes.items()}
 
 
-def _in_intra_frames(state: FrameState, plan: SequencePlan, grading: Grading | None) -> Quantised:
+def _in_intra_frames(state: FrameState, plan: SequencePlan, rule: IntraSteps) -> Quantised:
     """The Gaussians of `state` as I-frames quantise them."""
-    quantisation = plan.quantisation
-    if grading is None:
-        count = state.num_gaussians
-        same = {
-            a: np.full((count, 1), float(step)) for a, step in quantisation.steps.items() if a in state.planes
-        }
-        return Quantised(_wide(state), same, quantisation.units, 0.5)
-    steps = steps_in_intra_frame(state, quantisation.units, grading, quantisation.graded_steps)
+    units = plan.quantisation.units
+    steps = steps_in_intra_frame(state, units, rule)
     real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
     zero_bin = plan.options.tuning.intra_zero_bin
-    return Quantised(_wide(state), real, quantisation.units, zero_bin, grading.thin_octaves)
+    return Quantised(_wide(state), real, units, zero_bin, rule.thin_octaves)
 
 
 def _in_inter_frames(state: FrameState, plan: SequencePlan) -> Quantised:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from dfcgs_codec.bitstream.constants import Attribute, IntraKind, Profile
+from dfcgs_codec.bitstream.constants import Attribute, Profile
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.gof_state import GofSetup
@@ -60,19 +60,6 @@ class SequencePlan:
     def steps(self) -> dict[Attribute, int]:
         """Quantiser steps, in grid units."""
         return self.quantisation.steps
-
-    @property
-    def is_graded(self) -> bool:
-        """Whether steps of I-frames follow visibility; a bounded turn needs its axes as they come.
-
-        What is to be kept exactly has one step for all.
-        """
-        options = self.options
-        possible = options.profile == Profile.MAIN and options.intra == IntraKind.CODED
-        wanted = options.tuning.visibility and not options.tuning.keep_axes
-        if self.quantisation.exact or Attribute.ROTATION in self.quantisation.bounded:
-            return False
-        return possible and wanted
 
     @property
     def gof_setup(self) -> GofSetup:

@@ -141,11 +141,16 @@ class _Subject:
     def plan(self, qp: float) -> SequencePlan:
         """With the steps of a QP, not balanced."""
         options, headers = self.options, self.source.headers
-        steps = options.tuning.reference_steps or REFERENCE_STEPS
-        quantisation = plan_quantisation(qp, options.bounds, _finite(self.cloud), steps)
+        tuning = options.tuning
+        codes_main = options.profile == Profile.MAIN and options.intra == IntraKind.CODED
+        steps = tuning.reference_steps or REFERENCE_STEPS
+        visibility = tuning.visibility and codes_main
+        quantisation = plan_quantisation(
+            qp, options.bounds, _finite(self.cloud), steps, visibility=visibility
+        )
         if options.intra == IntraKind.PLY:
             quantisation = quantisation.with_float32_positions()
-        if options.tuning.exact and options.profile == Profile.MAIN and options.intra == IntraKind.CODED:
+        if tuning.exact and codes_main:
             quantisation = keep_exactly(quantisation, self.source, self._lattices, self.first.sh_degree)
         model = installed(options.model) if options.model else None
         most = max(header.num_gaussians for header in headers)

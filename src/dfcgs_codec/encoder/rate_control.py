@@ -45,9 +45,9 @@ REFERENCE_STEPS = {
     Attribute.SH_3: 1 / 16,
 }
 REFERENCE_VALUES = 37
-#: octaves by which the steps of graded I-frames differ: they are those of the Gaussians that show most, and
-#: where cover and visibility are known the proportion that is best is another one
-GRADED_OCTAVES = {
+#: octaves by which the steps of I-frames differ where they follow visibility: they are those of the Gaussians
+#: that show most, and where cover and visibility are known the proportion that is best is another one
+VISIBILITY_OCTAVES = {
     Attribute.POSITION: -0.5,
     Attribute.SCALE: -0.45,
     Attribute.ROTATION: -0.75,
@@ -111,16 +111,23 @@ class Bound:
 class Quantisation:
     """Grids, steps in grid units, and the attributes whose error is bounded (no dead zone).
 
-    `steps` are those of P-frames and of ungraded I-frames, `graded_steps` those of graded ones; `exact`:
-    attributes whose steps are those that the input was quantised with.
+    `steps` are those of P-frames, `intra_steps` those of I-frames; `uniform`: attributes that have the same
+    step in all Gaussians of an I-frame; `exact`: those whose steps are the ones that the input was quantised
+    with.
     """
 
     units: UnitExponents
     steps: dict[Attribute, int]
     bounded: frozenset[Attribute]
-    graded_steps: dict[Attribute, int]
+    intra_steps: dict[Attribute, int]
+    uniform: frozenset[Attribute]
     exact: frozenset[Attribute] = frozenset()
     notes: tuple[str, ...] = ()
+
+    @property
+    def follows_visibility(self) -> bool:
+        """Whether steps of I-frames follow visibility, in any attribute."""
+        return bool(self.intra_steps.keys() - self.uniform)
 
     def with_float32_positions(self) -> Quantisation:
         """For verbatim I-frames: positions that come out as float32, however the input has them."""
@@ -133,11 +140,22 @@ class Quantisation:
         free = self.steps.keys() - self.bounded - self.exact
         return replace(self, steps=_coarser(self.steps, dict.fromkeys(free, -octaves)))
 
-    def balanced(self, graded: Mapping[Attribute, float], inter: Mapping[Attribute, float]) -> Quantisation:
-        """With steps of graded I-frames, and of P-frames, coarser by so many octaves."""
+    def keeping(self, steps: dict[Attribute, int], note: str) -> Quantisation:
+        """With the `steps` that the input was quantised with, whose values are kept as they are."""
+        exact = frozenset(steps)
         return replace(
-            self, steps=_coarser(self.steps, inter), graded_steps=_coarser(self.graded_steps, graded)
+            self,
+            steps=self.steps | steps,
+            intra_steps=self.intra_steps | steps,
+            bounded=self.bounded | exact,
+            uniform=self.uniform | exact,
+            exact=exact,
+            notes=(*self.notes, note),
         )
+
+    def balanced(self, intra: Mapping[Attribute, float], inter: Mapping[Attribute, float]) -> Quantisation:
+        """With steps of I-frames, and of P-frames, coarser by so many octaves."""
+        return replace(self, steps=_coarser(self.steps, inter), intra_steps=_coarser(self.intra_steps, intra))
 
 
 def _coarser(steps: Mapping[Attribute, int], octaves: Mapping[Attribute, float]) -> dict[Attribute, int]:
@@ -210,10 +228,13 @@ def plan_quantisation(
     bounds: tuple[Bound, ...],
     first: GaussianCloud,
     reference_steps: Mapping[Attribute, float] = REFERENCE_STEPS,
+    *,
+    visibility: bool = True,
 ) -> Quantisation:
     """Grids and steps for a sequence; `first` is its first frame, `reference_steps` those at REFERENCE_QP.
 
-    Where grids that suit the steps do not reach all Gaussians of it, a note says what becomes of these.
+    `visibility`: whether steps of I-frames follow it, but for those that are bounded. Where grids that suit
+    the steps do not reach all Gaussians of the frame, a note says what becomes of these.
     """
     real = {attribute: step * _factor(attribute, qp, first) for attribute, step in reference_steps.items()}
     real[Attribute.POSITION] *= typical_size(first)
@@ -236,5 +257,7 @@ def plan_quantisation(
         # the input's own rounding to the grid takes one unit of a bounded step
         units_per_step = math.floor(in_units) - 1 if attribute in limits else round(in_units)
         steps[attribute] = min(max(1, units_per_step), STATE_LIMIT)
-    graded = _coarser(steps, {a: octaves for a, octaves in GRADED_OCTAVES.items() if a not in limits})
-    return Quantisation(units, steps, frozenset(limits), graded, notes=grid.notes)
+    uniform = frozenset(limits) if visibility else frozenset(steps)
+    octaves = {a: octave for a, octave in VISIBILITY_OCTAVES.items() if a not in uniform}
+    intra = _coarser(steps, octaves)
+    return Quantisation(units, steps, frozenset(limits), intra, uniform, notes=grid.notes)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.escapes import Escapes
-from dfcgs_codec.bitstream.frame_headers import Grading
+from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.encoder.appearing import ColourSteps
 from dfcgs_codec.encoder.frame_coding import CodedFrame
 from dfcgs_codec.encoder.identity import Members, Succession
@@ -40,7 +40,7 @@ class CodedSegment:
 
 @dataclass(frozen=True)
 class RunStart:
-    """Where a tracked run got its order, axis names and grading from."""
+    """Where a tracked run got its order, axis names and steps of I-frames from."""
 
     cloud: GaussianCloud
     rank: Int64
@@ -69,7 +69,8 @@ class CodedReference:
 
     `cloud` and `planes` are those of the input, in its order; `moved` (N, 3): how far they went in one
     frame, or nan; `hint`: what motion was best; `is_held`: attributes changed that P-frames of the profile
-    do not carry; `succession` from the frame before, `grading` of an I-frame.
+    do not carry; `succession` from the frame before, `intra_steps` of an I-frame that P-frames are
+    measured by.
     """
 
     coded: CodedFrame
@@ -83,4 +84,4 @@ class CodedReference:
     is_held: bool = False
     colours: ColourSteps | None = None
     succession: Succession | None = None
-    grading: Grading | None = None
+    intra_steps: IntraSteps | None = None

@@ -16,7 +16,7 @@ from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder, P
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder.analysis import Planes, intra_symbols
+from dfcgs_codec.encoder.analysis import Planes
 from dfcgs_codec.encoder.announced import check_announced
 from dfcgs_codec.encoder.appearing import ColourSteps, differing_rows
 from dfcgs_codec.encoder.canonical import AxisNames
@@ -28,7 +28,6 @@ from dfcgs_codec.encoder.frame_coding import (
     code_repetition,
     code_verbatim_frame,
 )
-from dfcgs_codec.encoder.grading import settled_names
 from dfcgs_codec.encoder.identity import Members, Succession, found_members, same_members
 from dfcgs_codec.encoder.inter_coding import Births, InterCoder, InterTask
 from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
@@ -41,6 +40,7 @@ from dfcgs_codec.encoder.shown import Shown
 from dfcgs_codec.encoder.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.triage import is_tracked
 from dfcgs_codec.encoder.tuning import MotionMode
+from dfcgs_codec.encoder.turn_choice import settled_names
 from dfcgs_codec.encoder.watch import Watch
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.registry import latent_model
@@ -104,7 +104,7 @@ class SegmentEncoder:
                     segment.report.num_escapes += len(frame.escapes)
                     segment.report.escaped_frames += 1
                 if loop.coded.kind == "I":
-                    self._watch.begin(loop.target, loop.coded.state.frame, loop.grading)
+                    self._watch.begin(loop.target, loop.coded.state.frame, loop.intra_steps)
                     segment.gofs.append(CodedGof(index))
                 segment.report.behind.append(self._watch.level)
                 segment.gofs[-1].frames.append(loop.coded.data)
@@ -226,7 +226,7 @@ class SegmentEncoder:
     def _settled_births(self, births: Births, state: GofState, source: Int64) -> Members:
         """Those that came, under the axis names that their coding gives them."""
         names = births.members.names
-        if names is None or not self._plan.is_graded:
+        if names is None:
             return births.members
         count = births.change.num_births
         places = np.argsort(source, kind="stable")[len(source) - count :]
@@ -258,7 +258,7 @@ class SegmentEncoder:
         anchor, first = self._anchor(index), self._plan.anchors[index]
         tracked = is_tracked(anchor.cloud, cloud)
         placing = anchor.placing if tracked else Placing.of(planes, self._plan, frame.cover)
-        order, grid = placing.order(planes[Attribute.POSITION], self._plan)
+        order, grid = placing.intra.order(planes[Attribute.POSITION])
         permutation = self._permutation(order, anchor if tracked else None)
         if self._plan.options.intra == IntraKind.PLY:
             state = state_of(frame.original.take(order).as_float32(), self._plan.header.unit_exponents)
@@ -266,33 +266,25 @@ class SegmentEncoder:
             return CodedReference(
                 coded, Members(order, None), wide_planes(state), cloud, planes, len(coded.data)
             )
-        names = None if placing.names is None else placing.names.take(order)
-        if placing.graded is None:
-            target = Members(order, names).target(planes)
-            task = IntraTask(intra_symbols(target, self._plan.steps, permutation), grid, self._plan.steps)
-            coded = code_intra_frame(index, task, self._plan.gof_setup)
-            return CodedReference(coded, Members(order, names), target, cloud, planes, len(coded.data))
-        assert names is not None
-        if tracked and index != first:
-            names = self._settled(first, anchor).take(order)
+        is_first = not tracked or index == first
+        names = (placing.names if is_first else self._settled(first, anchor)).take(order)
         target = Members(order, names).target(planes)
-        quantisation = self._plan.quantisation
         zero_bin = self._plan.options.tuning.intra_zero_bin
-        wanted = placing.graded.target(target, order, quantisation, zero_bin)
-        wanted = replace(wanted, permutation=permutation, keeps_names=tracked and index != first)
-        task = IntraTask(wanted, grid, quantisation.graded_steps, placing.graded.grading)
-        coded = code_intra_frame(index, task, self._plan.gof_setup)
-        self._inter_coder.begin(placing.graded.grading)
+        wanted = placing.intra.target(target, order, self._plan.quantisation, zero_bin)
+        wanted = replace(wanted, permutation=permutation, keeps_names=not is_first)
+        coded = code_intra_frame(index, IntraTask(wanted, grid), self._plan.gof_setup)
+        self._inter_coder.begin(placing.intra.steps)
         decoded = coded.state.frame.planes[Attribute.ROTATION].wide()
         names = settled_names(names, target[Attribute.ROTATION], decoded)
         if index == first:
             self._names = {first: names.take(np.argsort(order))}
         members = Members(order, names)
+        found = CodedReference(coded, members, members.target(planes), cloud, planes, len(coded.data))
+        if self._latent_coder is not None:
+            return found
         fresh = self._fresh(coded.state)
         colours = None if fresh is None else ColourSteps(fresh)
-        target, grading = members.target(planes), placing.graded.grading
-        found = CodedReference(coded, members, target, cloud, planes, len(coded.data), colours=colours)
-        return replace(found, grading=grading)
+        return replace(found, colours=colours, intra_steps=placing.intra.steps)
 
     def _settled(self, first: int, anchor: RunStart) -> AxisNames:
         """Axis names, in input order, of the first frame of a run: those that its I-frame gives them."""
@@ -321,7 +313,7 @@ class SegmentEncoder:
             planes = Targets(self._plan.header.unit_exponents.from_origin).planes(cloud)
             placing = Placing.of(planes, self._plan, seen.cover)
             rank = np.empty(cloud.num_gaussians, np.int64)
-            rank[placing.order(planes[Attribute.POSITION], self._plan)[0]] = np.arange(len(rank))
+            rank[placing.intra.order(planes[Attribute.POSITION])[0]] = np.arange(len(rank))
             self._anchors = {first: RunStart(cloud, rank, placing)}
         return self._anchors[first]
 

@@ -7,31 +7,31 @@ from collections.abc import Callable
 import numpy as np
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
-from dfcgs_codec.codec.histogram_component import code_with_histogram
 from dfcgs_codec.codec.side_information import (
-    HistogramLayout,
-    code_layout,
     code_signed,
     code_tables,
     code_weights,
     histogram_models,
 )
 from dfcgs_codec.codec.symbols import (
+    ColumnFacts,
     HistogramEvidence,
     Int64,
-    LayoutEvidence,
     ResidualEvidence,
+    SplitEvidence,
     SymbolCoder,
     T,
     WeightEvidence,
 )
+from dfcgs_codec.encoder.column_evidence import ColumnEvidence, ResidualsInSteps
 from dfcgs_codec.encoder.estimation import (
     fit_histogram_levels,
-    fit_layout,
+    fit_split_bias,
     fit_tables,
     fit_weights,
 )
 from dfcgs_codec.entropy.coder import Model, RangeWriter, uniform
+from dfcgs_codec.entropy.tables import SPLIT_ALPHAS
 
 #: a stream takes the prior, which costs time to decode, where it has less than this share of the bytes
 _PRIOR_WORTH = 0.98
@@ -48,6 +48,7 @@ class SymbolWriter(RangeWriter):
     def __init__(self, preferred: bool | None = None) -> None:
         super().__init__()
         self.preferred = preferred
+        self._before = ResidualsInSteps()
 
     def center(self, evidence: Callable[[], Int64]) -> int:
         """See SymbolCoder: the median."""
@@ -85,15 +86,15 @@ class SymbolWriter(RangeWriter):
         self._encoder = best._encoder
         return result
 
-    def layout(self, evidence: LayoutEvidence) -> HistogramLayout | None:
-        """See SymbolCoder: both ways are tried."""
-        values, guide, code_predicted = evidence()
-        layout = fit_layout(values, guide)
-        if layout is not None:
-            predicted, counted = SymbolWriter(), SymbolWriter()
-            code_predicted(predicted)
-            code_with_histogram(counted, values, guide, (code_layout(counted, layout), len(values)))
-            if len(predicted.getvalue()) <= len(counted.getvalue()):
-                layout = None
-        self.choice(2, lambda: int(layout is not None))
-        return None if layout is None else code_layout(self, layout)
+    def predictor(self, num_before: int, evidence: Callable[[], ColumnFacts]) -> tuple[int, Int64, Int64]:
+        """See SymbolCoder: the median, and least squares of values, then of the residuals' magnitudes."""
+        facts = evidence()
+        center = code_signed(self, int(np.median(facts.values)), STATE_LIMIT)
+        found = ColumnEvidence(facts, center, self._before)
+        weights = code_weights(self, fit_weights(*found.of_values()), 1 + num_before)
+        sizes = fit_weights(*found.of_sizes(weights))
+        return center, weights, code_weights(self, sizes, 2 + num_before)
+
+    def split_bias(self, evidence: SplitEvidence) -> int:
+        """See SymbolCoder: fewest bits."""
+        return self.choice(len(SPLIT_ALPHAS), lambda: fit_split_bias(*evidence()))

@@ -6,14 +6,11 @@ errors, in steps, and its bits, as a Laplace distribution of the expected size h
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.encoder.analysis import ZeroBin
 from dfcgs_codec.transform.pieces import pieces
-from dfcgs_codec.transform.trellis import CHAIN_LENGTH, num_chains, takes_turns
+from dfcgs_codec.transform.trellis import CHAIN_LENGTH, num_chains
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
@@ -166,16 +163,3 @@ def context_sizes(residuals: Float64, contexts: UInt8) -> Float64:
 def best_path(residuals: Float64, contexts: UInt8) -> Int64:
     """Symbols (rows,) for the `residuals` (rows,) of a pass, in steps, with their contexts."""
     return search(residuals, contexts, context_sizes(residuals, contexts))
-
-
-@dataclass(frozen=True)
-class AlternatingQuantiser:
-    """Chooses symbols of columns in which two quantisers take turns; `alone` where there are too few."""
-
-    alone: ZeroBin
-
-    def quantise(self, residual: Int64, steps: Int64, contexts: UInt8) -> Int64:
-        """Symbols of grid residuals (rows,), a pass of them."""
-        if not takes_turns(len(residual)):
-            return self.alone.quantise(residual, steps)
-        return best_path(residual / steps, contexts)

@@ -98,9 +98,6 @@ class EncoderTuning:
     """Values that another tool has quantised already are kept as they are, where that is smaller. False: the
     files of input that went through SPZ are 16 to 92 % larger."""
 
-    keep_axes: Switch = Switch(False)
-    """Leave the order and signs of each Gaussian's axes as they were."""
-
     zero_bin: Real = Real(0.6)
     """In P-frames a residual below this many steps is coded as 0; 0.5 rounds to the nearest step."""
 

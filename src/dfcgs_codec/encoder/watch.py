@@ -14,10 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.bitstream.frame_headers import Grading
+from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.encoder.balance import Quantised
-from dfcgs_codec.encoder.grading import steps_in_intra_frame
+from dfcgs_codec.encoder.intra_plan import steps_in_intra_frame
 from dfcgs_codec.encoder.patches import NEARBY_BIAS, Surroundings, patches_among
 from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.sensitivity import squared
@@ -50,15 +50,15 @@ class Watch:
 
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
-        self._grading: Grading | None = None
+        self._rule: IntraSteps | None = None
         self._usual = [1.0] * _GROUPS
         self._before = self._now = np.zeros(3)
         self.level = 0.0
 
-    def begin(self, target: Planes, state: FrameState, grading: Grading | None) -> None:
+    def begin(self, target: Planes, state: FrameState, rule: IntraSteps | None) -> None:
         """A GoF begins: how far its I-frame is from what is expected of I-frames."""
-        self._grading, self.level = grading, 0.0
-        if grading is None:
+        self._rule, self.level = rule, 0.0
+        if rule is None:
             return
         self._before = np.zeros(3)
         for group in range(_GROUPS):
@@ -71,14 +71,14 @@ class Watch:
 
     def go_on(self) -> None:
         """The frame that was looked at is kept."""
-        if self._grading is None:
+        if self._rule is None:
             return
         self._before = _REMEMBERED * self._before + self._now
         self.level = self._decibels(self._before)
 
     def behind(self, target: Planes, state: FrameState, index: int) -> float:
         """By how many dB a frame is worse than an I-frame in its place."""
-        if self._grading is None:
+        if self._rule is None:
             return 0.0
         group = index % _GROUPS
         decoded, expected = self._errors(target, state, _PATCHES, group)
@@ -90,7 +90,7 @@ class Watch:
         """By how many dB the frame that was looked at is surely worse than the sequence is to be."""
         error, _, count = _REMEMBERED * self._before + self._now
         wanted = self._plan.estimate
-        if wanted is None or self._grading is None:
+        if wanted is None or self._rule is None:
             return 0.0
         return wanted + 10.0 * float(np.log10(error / count)) - NEARBY_BIAS - _SURE
 
@@ -100,25 +100,21 @@ class Watch:
     @np.errstate(all="ignore")
     def _errors(self, target: Planes, state: FrameState, count: int, seed: int) -> tuple[float, float]:
         """Squared errors of a frame as it was decoded, and as I-frames have them."""
-        assert self._grading is not None
-        quantisation, grading, zero_bin = (
-            self._plan.quantisation,
-            self._grading,
-            self._plan.options.tuning.intra_zero_bin,
-        )
-        units, wanted = quantisation.units, Quantised(target, {}, quantisation.units, zero_bin)
+        assert self._rule is not None
+        units, zero_bin = self._plan.quantisation.units, self._plan.options.tuning.intra_zero_bin
+        wanted = Quantised(target, {}, units, zero_bin)
         errors: list[tuple[float, float]] = []
         for patch in patches_among(_surroundings(wanted, state), count, seed):
             if not len(patch.rows):
                 continue
             there, everyone = state.take(patch.rows), np.arange(len(patch.rows))
-            steps = steps_in_intra_frame(there, units, grading, quantisation.graded_steps)
+            steps = steps_in_intra_frame(there, units, self._rule)
             real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
             here = {attribute: plane[patch.rows] for attribute, plane in target.items()}
             image = patch.draw(wanted.splats(patch.rows)).image()
             coded = {attribute: plane.wide() for attribute, plane in there.planes.items()}
             drawn = patch.draw(Quantised(coded, {}, units, zero_bin).splats(everyone)).image()
-            intra = Quantised(here, real, units, zero_bin, grading.thin_octaves).quantised(everyone)
+            intra = Quantised(here, real, units, zero_bin, self._rule.thin_octaves).quantised(everyone)
             errors.append((squared(drawn, image), squared(patch.draw(intra).image(), image)))
         return summed_errors(errors)
 

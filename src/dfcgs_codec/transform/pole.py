@@ -1,4 +1,4 @@
-"""Rotations by a pole and a turn about it: what neighbours say of them (spec section 11.7).
+"""Rotations by a pole and a turn about it: what neighbours say of them (spec section 11.5).
 
 The *pole* of a Gaussian is the axis that differs most from the two others: axis 0 of a needle, axis 2 of a
 disc. Axes are lines: q and its products with i, j and k are the same Gaussian. All in integers.

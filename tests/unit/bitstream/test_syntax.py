@@ -43,12 +43,12 @@ from dfcgs_codec.bitstream.constants import (
 )
 from dfcgs_codec.bitstream.frame_headers import (
     ControlHeader,
-    Grading,
     InterHeader,
     IntraHeader,
+    IntraSteps,
     SortGrid,
     coded_attributes,
-    num_intra_streams,
+    intra_streams,
 )
 from dfcgs_codec.bitstream.index import End, Index, IndexEntry
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
@@ -115,8 +115,9 @@ def sequence_headers(draw: st.DrawFn) -> SequenceHeader:
 
 
 ORIGINS = st.integers(-STATE_LIMIT, STATE_LIMIT)
-GRADINGS = st.builds(
-    Grading,
+INTRA_STEPS = st.builds(
+    IntraSteps,
+    st.fixed_dictionaries(dict.fromkeys(coded_attributes(SMALL.sh_degree), STEPS)),
     st.integers(0, MAX_COARSE_LOG2),
     st.fixed_dictionaries(dict.fromkeys(coded_attributes(SMALL.sh_degree), st.integers(-900, STATE_LIMIT))),
     st.integers(0, MAX_THIN_OCTAVES),
@@ -165,12 +166,11 @@ SPREAD_MOTION_HEADERS = st.builds(
 
 @st.composite
 def intra_headers(draw: st.DrawFn) -> IntraHeader:
-    attributes = coded_attributes(SMALL.sh_degree)
     kind = draw(st.sampled_from(IntraKind))
     permuted = draw(st.booleans())
     coded = kind == IntraKind.CODED
-    grading = draw(st.none() | GRADINGS) if coded else None
-    count = num_intra_streams(attributes, grading) + permuted
+    attributes = coded_attributes(SMALL.sh_degree)
+    count = len(intra_streams(SMALL.sh_degree) if coded else attributes) + permuted
     return IntraHeader(
         draw(HASHES),
         kind,
@@ -178,9 +178,8 @@ def intra_headers(draw: st.DrawFn) -> IntraHeader:
         permuted,
         draw(CONTROLS),
         draw(SORT_GRIDS) if coded else None,
-        {a: draw(STEPS) for a in attributes} if coded else {},
+        draw(INTRA_STEPS) if coded else None,
         tuple(draw(st.lists(LENGTHS, min_size=count, max_size=count))),
-        grading,
     )
 
 
@@ -367,6 +366,10 @@ def test_flags_are_0_or_1() -> None:
         SortGrid.read(ByteReader(bytes(data)))
 
 
+LEVELS_OF_TWO = dict.fromkeys(coded_attributes(2), 0)
+INTRA = IntraSteps(dict.fromkeys(coded_attributes(2), 5), 0, LEVELS_OF_TWO, 0, frozenset())
+
+
 def intra_header(**changes: Any) -> IntraHeader:
     fields = {
         "frame_hash": bytes(16),
@@ -375,50 +378,49 @@ def intra_header(**changes: Any) -> IntraHeader:
         "has_permutation": False,
         "control": ControlHeader(ControlRule.FARTHEST, 70, 6),
         "sort_grid": SortGrid(0, 3, (0, 0, 0), False),
-        "steps": dict.fromkeys(coded_attributes(2), 5),
-        "lengths": (0,) * 7,
+        "steps": INTRA,
+        "lengths": (0,) * 9,
     }
     return IntraHeader(**(fields | changes))
-
-
-LEVELS_OF_TWO = dict.fromkeys(coded_attributes(2), 0)
-NONE: frozenset[Attribute] = frozenset()
-GRADED = {"lengths": (0,) * 9}
 
 
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
         ({"num_gaussians": SMALL.limits.max_gaussians + 1}, LimitExceeded, "num_gaussians"),
-        ({"steps": dict.fromkeys(coded_attributes(2), 0)}, CorruptBitstream, "step is 0"),
-        ({"steps": dict.fromkeys(coded_attributes(2), STATE_LIMIT + 1)}, LimitExceeded, "step"),
+        ({"steps": replace(INTRA, steps=LEVELS_OF_TWO)}, CorruptBitstream, "step is 0"),
+        (
+            {"steps": replace(INTRA, steps=dict.fromkeys(coded_attributes(2), STATE_LIMIT + 1))},
+            LimitExceeded,
+            "step",
+        ),
         ({"kind": 7}, UnsupportedBitstream, "intra_kind"),
         ({"has_permutation": 2}, LimitExceeded, "has_permutation"),
         ({"control": ControlHeader(ControlRule.STRIDE, 0, 6)}, CorruptBitstream, "control_spacing is 0"),
         ({"control": ControlHeader(ControlRule.STRIDE, 9, 32)}, LimitExceeded, "control_shift"),
         ({"control": ControlHeader(2, 9, 6)}, UnsupportedBitstream, "control_rule"),
         (
-            {"grading": Grading(0, LEVELS_OF_TWO, MAX_THIN_OCTAVES + 1, NONE), **GRADED},
+            {"steps": replace(INTRA, thin_octaves=MAX_THIN_OCTAVES + 1)},
             LimitExceeded,
             "thin_octaves",
         ),
         (
-            {"grading": Grading(MAX_COARSE_LOG2 + 1, LEVELS_OF_TWO, 0, NONE), **GRADED},
+            {"steps": replace(INTRA, coarse_log2=MAX_COARSE_LOG2 + 1)},
             LimitExceeded,
             "coarse_log2",
         ),
         (
-            {"grading": Grading(0, LEVELS_OF_TWO | {Attribute.SH_2: STATE_LIMIT + 1}, 0, NONE), **GRADED},
+            {"steps": replace(INTRA, levels=LEVELS_OF_TWO | {Attribute.SH_2: STATE_LIMIT + 1})},
             LimitExceeded,
             "visibility_level",
         ),
         (
-            {"grading": Grading(0, LEVELS_OF_TWO, 0, frozenset({Attribute.POSITION})), **GRADED},
+            {"steps": replace(INTRA, alternating=frozenset({Attribute.POSITION}))},
             CorruptBitstream,
             "alternating",
         ),
         (
-            {"grading": Grading(0, LEVELS_OF_TWO, 0, frozenset({Attribute.SH_3})), **GRADED},
+            {"steps": replace(INTRA, alternating=frozenset({Attribute.SH_3}))},
             CorruptBitstream,
             "alternating",
         ),
@@ -430,7 +432,7 @@ def test_intra_header_refuses(changes: dict[str, Any], error: type[Exception], w
 
 
 def test_thin_axes_need_a_grid_that_octaves_can_be_told_on() -> None:
-    data = write(intra_header(grading=Grading(0, LEVELS_OF_TWO, 1, NONE), **GRADED))
+    data = write(intra_header(steps=replace(INTRA, thin_octaves=1)))
     for exponent, is_fine in ((MAX_THIN_EXPONENT, True), (MAX_THIN_EXPONENT + 1, False)):
         sequence = replace(SMALL, unit_exponents=replace(SMALL.unit_exponents, scale=exponent))
         with nullcontext() if is_fine else pytest.raises(CorruptBitstream, match="thin axes"):

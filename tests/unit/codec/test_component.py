@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
-from dfcgs_codec.codec.component import EarlierPasses, code_component, round_weighted, weighted_sum
+from dfcgs_codec.codec.component import EarlierPasses, code_component
 from dfcgs_codec.codec.symbols import SymbolCoder
 from dfcgs_codec.transform.lod import LevelsOfDetail, build_levels, order_levels
 from tests.helpers import check_walk, make_cloud
@@ -74,14 +74,3 @@ def test_hints_help_where_they_tell_the_magnitude() -> None:
     target = np.rint(rng.normal(size=3000) * hint).astype(np.int64)
     alone = check(target, order_levels(3000))
     assert check(target, order_levels(3000), EarlierPasses(3000, hints=[hint])) < 0.85 * alone
-
-
-def test_weighted_sum_skips_nothing_but_zeros() -> None:
-    features = [np.array([1, 2]), np.array([10, 20]), np.array([100, 200])]
-    assert weighted_sum(features, np.array([3, 0, -1])).tolist() == [-97, -194]
-    assert weighted_sum([], np.zeros(0, np.int64)) == 0
-
-
-def test_round_weighted_rounds_halves_up() -> None:
-    values = np.array([127, 128, 129, -127, -128, -129])
-    assert round_weighted(values, 8).tolist() == [0, 1, 1, 0, 0, -1]

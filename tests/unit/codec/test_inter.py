@@ -11,7 +11,6 @@ from dfcgs_codec.codec.activity import (
     NUM_MAGNITUDES,
     AttributeActivity,
     InterSymbols,
-    classify_blocks,
     nonzero_rows,
     num_blocks,
     num_inter_columns,
@@ -19,6 +18,7 @@ from dfcgs_codec.codec.activity import (
 )
 from dfcgs_codec.codec.inter import InterShape, code_inter
 from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.encoder.analysis import classify_blocks
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.transform.lod import GofLevels
 from tests.helpers import make_cloud

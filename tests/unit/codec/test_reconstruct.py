@@ -5,13 +5,13 @@ import pytest
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols, classify_blocks
+from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.intra import IntraSymbols
-from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
+from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.verbatim import state_of
+from dfcgs_codec.encoder.analysis import classify_blocks
 from dfcgs_codec.errors import CorruptBitstream
-from dfcgs_codec.transform.rotation import ONE, STEREO_ONE
+from dfcgs_codec.transform.rotation import ONE
 from tests.helpers import make_cloud
 
 UNITS = UnitExponents(-12, -12, -12, -12)
@@ -29,40 +29,6 @@ def some_rows(count: int, columns: int, every: int) -> np.ndarray:
     symbols = np.zeros((count, columns), np.int64)
     symbols[::every] = np.random.default_rng(0).integers(1, 9, (len(range(0, count, every)), columns))
     return symbols
-
-
-def test_intra_multiplies_by_the_step() -> None:
-    values = np.array([[1, -2, 3], [0, 5, -7]])
-    state = reconstruct_intra(IntraSymbols({Attribute.SCALE: values}), {Attribute.SCALE: 13})
-    assert np.array_equal(state.planes[Attribute.SCALE].values, values * 13)
-    assert state.order is None
-
-
-def test_intra_rotations_are_unit_quaternions_in_four_cells() -> None:
-    rng = np.random.default_rng(0)
-    vectors = rng.integers(-400, 401, (400, 3))
-    symbols = np.concatenate([np.arange(400)[:, None] % 4, vectors], axis=1)
-    steps = {Attribute.ROTATION: STEREO_ONE // 2000}
-    found = reconstruct_intra(IntraSymbols({Attribute.ROTATION: symbols}), steps)
-    quaternions = found.planes[Attribute.ROTATION].wide()
-    assert np.abs(np.sqrt((quaternions**2).sum(axis=1)) / ONE - 1).max() < 2.0**-22
-    assert np.array_equal(np.abs(quaternions).argmax(axis=1), symbols[:, 0])
-
-
-def test_intra_keeps_the_permutation() -> None:
-    order = np.array([2, 0, 1])
-    state = reconstruct_intra(
-        IntraSymbols({Attribute.SCALE: np.zeros((3, 3), np.int64)}, order), {Attribute.SCALE: 1}
-    )
-    assert state.order.values[:, 0].tolist() == [2, 0, 1]
-
-
-@pytest.mark.parametrize("sign", [-1, 1])
-def test_values_beyond_the_state_are_corrupt(sign: int) -> None:
-    step = {Attribute.SCALE: STATE_LIMIT}
-    reconstruct_intra(IntraSymbols({Attribute.SCALE: np.full((1, 3), sign)}), step)
-    with pytest.raises(CorruptBitstream, match="range of the state"):
-        reconstruct_intra(IntraSymbols({Attribute.SCALE: np.full((1, 3), 2 * sign)}), step)
 
 
 def test_inter_beyond_the_state_is_corrupt() -> None:
@@ -143,7 +109,3 @@ def test_symbols_beyond_64_bits_are_corrupt(symbol: int, attribute: Attribute) -
     coded = InterSymbols({attribute: AttributeActivity(symbols, np.ones(1, np.int64), np.ones(1, np.int64))})
     with pytest.raises(CorruptBitstream):
         reconstruct_inter(coded, steps, reference(4))
-    if attribute == Attribute.ROTATION:
-        symbols = np.concatenate([np.zeros((4, 1), np.int64), symbols], axis=1)
-    with pytest.raises(CorruptBitstream):
-        reconstruct_intra(IntraSymbols({attribute: symbols}), steps)

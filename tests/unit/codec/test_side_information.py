@@ -11,9 +11,6 @@ from hypothesis import strategies as st
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
 from dfcgs_codec.codec.side_information import (
     ABSENT_LEVEL,
-    MAX_HISTOGRAM_SIZE,
-    HistogramLayout,
-    code_layout,
     code_signed,
     code_tables,
     code_weights,
@@ -148,34 +145,3 @@ def test_levels_out_of_range_are_corrupt(level: int) -> None:
 def test_an_empty_histogram_is_corrupt() -> None:
     with pytest.raises(CorruptBitstream, match="empty"):
         frequencies_from_levels(np.full(4, ABSENT_LEVEL))
-
-
-LAYOUTS = st.builds(
-    HistogramLayout,
-    st.integers(-STATE_LIMIT, STATE_LIMIT),
-    st.integers(0, 29),
-    st.integers(1, MAX_HISTOGRAM_SIZE),
-    st.integers(-STATE_LIMIT, STATE_LIMIT),
-    st.integers(0, 29),
-)
-
-
-@given(LAYOUTS)
-def test_layout(layout: HistogramLayout) -> None:
-    writer = RangeWriter()
-    assert code_layout(writer, layout) == layout
-    assert code_layout(RangeReader(writer.getvalue()), None) == layout
-
-
-@pytest.mark.parametrize(
-    "layout",
-    [
-        HistogramLayout(0, 30, 1, 0, 0),
-        HistogramLayout(0, 0, MAX_HISTOGRAM_SIZE + 1, 0, 0),
-        HistogramLayout(STATE_LIMIT + 1, 0, 1, 0, 0),
-        HistogramLayout(0, 0, 1, 0, 30),
-    ],
-)
-def test_layouts_out_of_range_are_corrupt(layout: HistogramLayout) -> None:
-    with pytest.raises(CorruptBitstream):
-        code_layout(RangeWriter(), layout)

@@ -11,13 +11,12 @@ from hypothesis.extra import numpy as hnp
 from dfcgs_codec.bitstream.constants import MAX_SORT_BITS, STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import FrameState, Plane, output
-from dfcgs_codec.codec.reconstruct import reconstruct_inter, reconstruct_intra
+from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.analysis import (
     ResidualQuantiser,
     ZeroBin,
     inter_symbols,
-    intra_symbols,
     order_of,
     plan_grid,
 )
@@ -101,18 +100,7 @@ def test_a_point_needs_no_bits() -> None:
 # --- symbols ------------------------------------------------------------------------------------------
 
 STEPS = dict.fromkeys(Attribute, 1000) | {Attribute.ROTATION: 256}
-QUANTISATION = Quantisation(UNITS, STEPS, frozenset(), STEPS)
-
-
-def test_intra_symbols_are_within_half_a_step() -> None:
-    cloud = make_cloud(400, 3)
-    target = planes_of(cloud)
-    state = reconstruct_intra(intra_symbols(target, STEPS, None), STEPS)
-    for attribute, values in target.items():
-        if attribute != Attribute.ROTATION:
-            assert np.abs(state.planes[attribute].wide() - values).max() <= 500
-    degrees = rotation_degrees(cloud, cloud_of(state))
-    assert degrees.max() <= np.degrees(4 * np.sqrt(3) / 2 * 256 / 2**18) + 1e-4
+QUANTISATION = Quantisation(UNITS, STEPS, frozenset(), STEPS, frozenset())
 
 
 def test_inter_symbols_follow_the_target() -> None:
@@ -166,7 +154,8 @@ def test_a_bounded_attribute_has_no_dead_zone(bounded: bool) -> None:
     before = planes_of(coincident_cloud(64))
     target = before | {Attribute.POSITION: before[Attribute.POSITION] + 550}
     reference = FrameState({a: Plane(v) for a, v in before.items()})
-    quantisation = Quantisation(UNITS, STEPS, frozenset({Attribute.POSITION} if bounded else ()), STEPS)
+    some = frozenset({Attribute.POSITION} if bounded else ())
+    quantisation = Quantisation(UNITS, STEPS, some, STEPS, some)
     found = inter_symbols(
         target, before, (reference, reference), ResidualQuantiser(quantisation, ZeroBin(0.6), 6)
     )

@@ -217,10 +217,10 @@ def test_the_first_frame_decides_for_the_sequence() -> None:
     cloud = ball(alpha=0.98)
     still, moving = plan_of([cloud], qp=28), plan_of([cloud, cloud], qp=28)
     plain = plan_of([cloud, cloud], qp=28, balance=False)
-    assert still.quantisation.graded_steps == moving.quantisation.graded_steps
+    assert still.quantisation.intra_steps == moving.quantisation.intra_steps
     assert still.steps == plain.steps, "a single frame has no P-frames to plan for"
     assert moving.steps != plain.steps
-    assert moving.quantisation.graded_steps != plain.quantisation.graded_steps
+    assert moving.quantisation.intra_steps != plain.quantisation.intra_steps
 
 
 def test_bounds_and_uniform_steps_are_kept() -> None:
@@ -229,7 +229,7 @@ def test_bounds_and_uniform_steps_are_kept() -> None:
     bounded, plain = (plan_of([cloud] * 2, qp=28, bounds=bounds, balance=b) for b in (True, False))
     for attribute in (Attribute.OPACITY, Attribute.POSITION):
         assert bounded.steps[attribute] == plain.steps[attribute]
-        assert bounded.quantisation.graded_steps[attribute] == plain.quantisation.graded_steps[attribute]
+        assert bounded.quantisation.intra_steps[attribute] == plain.quantisation.intra_steps[attribute]
     uniform = plan_of([cloud] * 2, qp=28, visibility=False)
     assert uniform.steps == plan_of([cloud] * 2, qp=28, visibility=False, balance=False).steps
 

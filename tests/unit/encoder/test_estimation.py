@@ -7,13 +7,12 @@ import pytest
 
 from dfcgs_codec.codec.side_information import (
     ABSENT_LEVEL,
-    MAX_HISTOGRAM_SIZE,
     code_tables,
     frequencies_from_levels,
 )
 from dfcgs_codec.encoder.estimation import (
     fit_histogram_levels,
-    fit_layout,
+    fit_split_bias,
     fit_tables,
     fit_weights,
 )
@@ -122,23 +121,8 @@ def test_histogram_levels_of_each_context() -> None:
     assert levels.tolist() == [[0, ABSENT_LEVEL, ABSENT_LEVEL], [ABSENT_LEVEL, ABSENT_LEVEL, 0]]
 
 
-@pytest.mark.parametrize("count", [1, 31, 32, 40, 1000, 100_000])
-@pytest.mark.parametrize("spread", [0, 1, 300, 2**29 - 1])
-def test_layouts_hold_all_values(count: int, spread: int) -> None:
-    rng = np.random.default_rng(0)
-    values = rng.integers(-spread, spread + 1, count)
-    values[[0, -1]] = -spread, spread
-    for guide in (None, rng.integers(-spread, spread + 1, count)):
-        layout = fit_layout(values, guide)
-        if layout is None:
-            continue
-        symbols = (values - layout.minimum) >> layout.low_bits
-        assert symbols.min() >= 0
-        assert symbols.max() < layout.size <= MAX_HISTOGRAM_SIZE
-        assert 0 <= layout.low_bits <= 29
-        assert 0 <= layout.guide_shift <= 29
-
-
-def test_few_values_get_no_histogram() -> None:
-    assert fit_layout(np.arange(31), None) is None
-    assert fit_layout(np.arange(32), None) is not None
+def test_the_bias_fits_how_cells_split() -> None:
+    counts = np.full(4000, 8)
+    even = np.random.default_rng(0).binomial(8, 0.5, 4000)
+    uneven = np.random.default_rng(1).choice([0, 8], 4000)
+    assert fit_split_bias(counts, even) != fit_split_bias(counts, uneven)

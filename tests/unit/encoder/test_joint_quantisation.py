@@ -5,7 +5,7 @@ import pytest
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.encoder.grading import GradedPlan
+from dfcgs_codec.encoder.intra_plan import IntraPlan
 from dfcgs_codec.encoder.joint_quantisation import opacities_beside
 from dfcgs_codec.encoder.rate_control import Bound, plan_quantisation
 from dfcgs_codec.encoder.splats import alpha_of
@@ -61,7 +61,9 @@ def test_bounded_opacities_are_left_alone() -> None:
     for bounds in ((), (Bound("alpha", 0.05),)):
         quantisation = plan_quantisation(28, bounds, cloud)
         found = Targets(quantisation.units).planes(cloud)
-        plan = GradedPlan.of(found, np.zeros(300, np.int64), quantisation)
+        plan = IntraPlan.of(found, None, quantisation)
         target = plan.target(found, np.arange(300), quantisation, 0.5)
-        same = np.array_equal(target.opacities(found[Attribute.SCALE] + 500), found[Attribute.OPACITY])
+        larger = {Attribute.SCALE: found[Attribute.SCALE] + 500}
+        goal = target.column(Attribute.OPACITY, 0, larger, [])
+        same = np.array_equal(goal.values, found[Attribute.OPACITY][:, 0])
         assert same == bool(bounds)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +11,7 @@ from dfcgs_codec.encoder.lattice import keep_exactly, lattice_log2, lattices
 from dfcgs_codec.encoder.rate_control import plan_quantisation
 from dfcgs_codec.sequence import MemorySource
 from lab.options import encoder_options
-from tests.helpers import drifting, real_cloud
-
-STEPS = {"positions": 2.0**-12, "scales": 2.0**-4, "sh_rest": 2.0**-4}
-
-
-def quantised(cloud: GaussianCloud) -> GaussianCloud:
-    """As SPZ leaves it."""
-    arrays = {name: np.rint(getattr(cloud, name) / step) * step for name, step in STEPS.items()}
-    return replace(cloud, **{name: array.astype(np.float32) for name, array in arrays.items()})
+from tests.helpers import drifting, on_lattices, real_cloud
 
 
 def found_in(
@@ -57,34 +48,36 @@ def test_a_few_values_may_lie_between() -> None:
 def test_what_is_quantised_is_found_and_what_is_not_is_not() -> None:
     cloud = real_cloud(2000)
     assert lattices(cloud) == {}
-    assert lattices(quantised(cloud)) == {
+    assert lattices(on_lattices(cloud)) == {
         Attribute.POSITION: -12, Attribute.SCALE: -4, Attribute.SH_1: -4, Attribute.SH_2: -4,
     }  # fmt: skip
-    exact = found_in([quantised(cloud)])
+    exact = found_in([on_lattices(cloud)])
     assert {Attribute.SCALE, Attribute.SH_1, Attribute.SH_2} <= exact
     assert found_in([cloud]) == frozenset()
 
 
 def test_what_would_cost_more_is_coded_anew() -> None:
-    assert found_in([quantised(real_cloud(2000))], qp=40) == frozenset()
+    assert found_in([on_lattices(real_cloud(2000))], qp=40) == frozenset()
 
 
 def test_bounded_attributes_keep_their_bounds() -> None:
-    frames = [quantised(real_cloud(2000))]
+    frames = [on_lattices(real_cloud(2000))]
     assert Attribute.SCALE not in found_in(frames, bounds=(Bound("scale", 0.001),))
     assert found_in(frames, bounds=(Bound("sh", 0.001),)) == frozenset()
 
 
 def test_later_frames_must_be_quantised_too() -> None:
     cloud = real_cloud(2000)
-    assert found_in([quantised(cloud)] * 3)
-    assert not found_in([quantised(cloud), quantised(cloud), cloud])
-    assert not found_in([quantised(cloud), cloud, quantised(cloud)])
+    assert found_in([on_lattices(cloud)] * 3)
+    assert not found_in([on_lattices(cloud), on_lattices(cloud), cloud])
+    assert not found_in([on_lattices(cloud), cloud, on_lattices(cloud)])
 
 
 @pytest.mark.parametrize("moves", [False, True])
 def test_every_value_comes_back(tmp_path: Path, moves: bool) -> None:
-    frames = [quantised(frame) for frame in (drifting(real_cloud(1500), 3) if moves else [real_cloud(1500)])]
+    frames = [
+        on_lattices(frame) for frame in (drifting(real_cloud(1500), 3) if moves else [real_cloud(1500)])
+    ]
     path = tmp_path / "exact.dgs"
     report = encode_sequence(frames, path, EncoderOptions(qp=18))
     assert any("has quantised" in note for note in report.notes)
@@ -97,7 +90,7 @@ def test_every_value_comes_back(tmp_path: Path, moves: bool) -> None:
 
 
 def test_exact_is_smaller_and_better(tmp_path: Path) -> None:
-    frames = [quantised(real_cloud(6000))]
+    frames = [on_lattices(real_cloud(6000))]
     sizes = {}
     for exact in (True, False):
         path = tmp_path / f"{exact}.dgs"

@@ -159,7 +159,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "bound": {"bounds": {"position": 0.001, "alpha": 0.01, "rotation": 1.0}},
     "uniform": {"visibility": False},
     "not balanced": {"balance": False},
-    "keep axes": {"keep_axes": True},
     "verbatim": {"intra": "ply"},
     "input order": {"order": "input"},
     "free order": {"order": "free"},

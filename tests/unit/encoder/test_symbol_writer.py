@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.codec.symbols import SymbolCoder
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
-from dfcgs_codec.entropy.coder import uniform
 from dfcgs_codec.errors import CorruptBitstream
 
 
@@ -52,28 +50,6 @@ def test_histograms() -> None:
     for a, b in zip(written, read, strict=True):
         assert np.array_equal(a.frequencies, b.frequencies)
     assert written[2].frequencies.argmax() == 2
-
-
-def layout_of(values: np.ndarray, bytes_if_predicted: int) -> bool:
-    """Whether the writer prefers a histogram; the reader finds the same layout."""
-
-    def predicted(coder: SymbolCoder) -> None:
-        assert isinstance(coder, SymbolWriter)
-        coder.code(np.zeros(8 * bytes_if_predicted, np.int64), uniform(2), 8 * bytes_if_predicted)
-
-    writer = SymbolWriter()
-    written = writer.layout(lambda: (values, None, predicted))
-    reader = SymbolReader(writer.getvalue())
-    assert reader.layout(never) == written
-    reader.finish()
-    return written is not None
-
-
-def test_the_smaller_way_is_chosen() -> None:
-    values = np.random.default_rng(0).integers(0, 16, 4000)
-    assert layout_of(values, 4000)
-    assert not layout_of(values, 1000)
-    assert not layout_of(np.arange(10), 4000)
 
 
 def test_an_empty_stream_is_all_zeros_and_no_error() -> None:

@@ -140,7 +140,7 @@ def coming(count: int) -> list[GaussianCloud]:
 
 
 @pytest.mark.parametrize("order", OutputOrder)
-def test_births_have_graded_steps_and_settle(order: OutputOrder, tmp_path: Path) -> None:
+def test_births_have_steps_of_their_own_and_settle(order: OutputOrder, tmp_path: Path) -> None:
     path = tmp_path / "coming.dgs"
     frames = coming(1200)
     # too little to be coded, but enough to be looked at

@@ -7,7 +7,8 @@ import pytest
 
 from dfcgs_codec.encoder import trellis_search
 from dfcgs_codec.encoder.analysis import ZeroBin
-from dfcgs_codec.encoder.trellis_search import AlternatingQuantiser, context_sizes, search
+from dfcgs_codec.encoder.intra_plan import ColumnQuantiser
+from dfcgs_codec.encoder.trellis_search import context_sizes, search
 from dfcgs_codec.transform.trellis import CHAIN_LENGTH, FEWEST_SYMBOLS, second_quantisers
 
 
@@ -86,7 +87,8 @@ def test_far_values_are_reached() -> None:
 def test_few_symbols_are_left_to_one_quantiser() -> None:
     residuals, steps = np.arange(FEWEST_SYMBOLS - 1), np.full(FEWEST_SYMBOLS - 1, 7)
     contexts = np.zeros(len(steps), np.uint8)
-    found = AlternatingQuantiser(ZeroBin(0.6)).quantise(residuals, steps, contexts)
+    quantiser = ColumnQuantiser(residuals, ZeroBin(0.6), alternating=True)
+    found = quantiser.choose(slice(None), np.zeros_like(residuals), steps, contexts)
     assert np.array_equal(found, ZeroBin(0.6).quantise(residuals, steps))
 
 

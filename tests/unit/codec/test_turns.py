@@ -3,21 +3,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dfcgs_codec.codec.graded_rotation import GradedRotation
 from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.codec.turns import TurnWalk
 from dfcgs_codec.encoder.canonical import AxisNames
-from dfcgs_codec.encoder.grading import TurnChooser, settled_names
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.encoder.turn_choice import TurnChooser, settled_names
 from dfcgs_codec.transform.lod import build_levels
 from dfcgs_codec.transform.rotation import ONE, from_float, multiply, normalise
 
 
-def rotation(count: int, tilt: int = 400, spin: int = 400, *, alternating: bool = False) -> GradedRotation:
+def rotation(count: int, tilt: int = 400, spin: int = 400, *, alternating: bool = False) -> TurnWalk:
     rng = np.random.default_rng(5)
     positions = np.sort(rng.integers(0, 3000, (count, 3)), axis=0)
     needles = rng.random(count) < 0.5
     steps = np.full(count, tilt), np.full(count, spin)
-    return GradedRotation(*steps, needles, build_levels(positions), alternating)
+    return TurnWalk(*steps, needles, build_levels(positions), alternating)
 
 
 def any_turns(count: int) -> np.ndarray:
@@ -33,11 +33,11 @@ def relative(decoded: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return multiply(decoded * np.array([1, -1, -1, -1]), wanted) / ONE
 
 
-def code(graded: GradedRotation, wanted: np.ndarray, *, keeps_names: bool = False) -> tuple[np.ndarray, int]:
+def code(walk: TurnWalk, wanted: np.ndarray, *, keeps_names: bool = False) -> tuple[np.ndarray, int]:
     writer = SymbolWriter()
-    written = graded.code(writer, TurnChooser(wanted, graded).choose, keeps_names=keeps_names)
+    written = walk.code(writer, TurnChooser(wanted, walk).choose, keeps_names=keeps_names)
     reader = SymbolReader(writer.getvalue(), 0)
-    assert np.array_equal(graded.code(reader, None), written)
+    assert np.array_equal(walk.code(reader, None), written)
     reader.finish()
     return written, len(writer.getvalue())
 
@@ -64,9 +64,9 @@ def test_names_are_kept_where_asked() -> None:
 
 
 def test_names_that_are_natural_cost_nothing() -> None:
-    graded, wanted = rotation(800), any_turns(800)
-    natural, size = code(graded, wanted)
-    again, same = code(graded, natural, keeps_names=True)
+    walk, wanted = rotation(800), any_turns(800)
+    natural, size = code(walk, wanted)
+    again, same = code(walk, natural, keeps_names=True)
     assert (np.abs(relative(again, natural))[:, 0] > 0.999).all()
     assert same <= size + 8
 
@@ -99,15 +99,15 @@ def test_two_quantisers_are_nearer_at_fewer_bytes(make: object) -> None:
 
 
 def test_spins_may_be_coarser_than_tilts() -> None:
-    graded, wanted = rotation(2000, 300, 40_000), any_turns(2000)
-    found, size = code(graded, wanted)
+    walk, wanted = rotation(2000, 300, 40_000), any_turns(2000)
+    found, size = code(walk, wanted)
     assert size < code(rotation(2000, 300, 300), wanted)[1] - 2000 * 5 / 8
     turn = relative(found, wanted)
     rows = np.arange(2000)
     best = np.abs(turn).argmax(axis=1)
     # the half turns that names differ by
     turn = relative(multiply(found, np.eye(4, dtype=np.int64)[best] * ONE), wanted)
-    poles = np.where(graded.is_needle, 1, 3)
+    poles = np.where(walk.is_needle, 1, 3)
     across = np.abs(np.where(np.arange(4) == poles[:, None], 0, turn))[:, 1:].max(axis=1)
     about = np.abs(turn[rows, poles])
     assert across.max() < 0.02

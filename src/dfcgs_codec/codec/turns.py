@@ -1,4 +1,4 @@
-"""Rotations of a graded I-frame: the pole's tilt, then the turn about it (spec section 11.7)."""
+"""Rotations of an I-frame: the pole's tilt, then the turn about it (spec section 11.5)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.codec.graded_component import scaled_symbols
+from dfcgs_codec.codec.column import scaled_symbols
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder, UInt8
 from dfcgs_codec.entropy.symbols import Groups, code_residuals, code_with_models
 from dfcgs_codec.transform.lod import NUM_NEIGHBOURS, Level, LevelsOfDetail, ladder
@@ -69,7 +69,7 @@ def _contexts(expected: Int64 | None, steps: Int64, is_needle: Bool) -> UInt8:
 
 
 @dataclass(frozen=True)
-class GradedRotation:
+class TurnWalk:
     """Steps (N,) of tilts and spins, in stereographic units, whose pole is axis 0 (N,), levels of detail.
 
     `alternating`: whether two quantisers take turns, in tilts and in spins.
