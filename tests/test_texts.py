@@ -1,4 +1,4 @@
-"""README.md and docs/: short lines, a short front page, and links that lead somewhere."""
+"""README.md and docs/: short lines, a short front page, links and names of files that lead somewhere."""
 
 from __future__ import annotations
 
@@ -12,6 +12,9 @@ from tests.helpers import ROOT
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LONGEST_LINE, LONGEST_FRONT_PAGE, LONGEST_CONTRIBUTING = 140, 130, 120
+#: files and folders of the repository in backticks, from its top or from that of the package
+_FOLDERS = "src|lab|training|evaluation|assets|tests|tools|bitstream|codec|encoder|model|transform"
+_FILE = re.compile(rf"`((?:{_FOLDERS})/[\w/.]*)")
 _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 
 
@@ -50,6 +53,14 @@ def test_links_lead_somewhere(page: Path) -> None:
         other = (page.parent / name).resolve() if name else page
         assert other.exists(), f"{page.name}: {target}"
         assert not anchor or anchor in anchors(other), f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_named_files_exist(page: Path) -> None:
+    for name in _FILE.findall(page.read_text()):
+        assert (ROOT / name).exists() or (ROOT / "src" / "dfcgs_codec" / name).exists(), (
+            f"{page.name}: {name}"
+        )
 
 
 def test_every_page_is_linked() -> None:

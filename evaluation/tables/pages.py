@@ -38,6 +38,7 @@ TABLES: dict[str, tuple[str | None, Callable[[], str]]] = {
     "presets": ("bench", comparison.preset_table),
     "speed": ("bench", comparison.speed_table),
     "frame times": ("speed", single.frame_times_table),
+    "memory": ("memory", single.memory),
     "against zstd": ("against_zstd", single.zstd_table),
     "against spz": ("against_spz", single.spz_table),
     "drift": ("drift", robustness.drift_table),

@@ -44,11 +44,25 @@ def spz_table() -> str:
 
 
 def frame_times_table() -> str:
-    """Bytes and seconds of single frames."""
+    """Bytes and seconds of single frames, and what control points take once a GoF."""
     found = results("speed")
     first = found["tracked"]
     rows = [["I", str(first["bytes_i"]), f"{first['encode_i_s']:.2f}", f"{first['decode_i_s']:.2f}"]]
     for key, label in _FRAMES.items():
         r = found[key]
         rows.append([label, f"{r['bytes_p_median']:.0f}", f"{r['encode_p_s']:.2f}", f"{r['decode_p_s']:.3f}"])
-    return table(["frame", "bytes", "encode, s", "decode, s"], rows)
+    setup = found["character_200k"]
+    return (
+        table(["frame", "bytes", "encode, s", "decode, s"], rows)
+        + f"\nControl points of the walking character take {setup['encode_setup_s']:.2f} s more at encoding "
+        f"and {setup['decode_setup_s']:.2f} s more at decoding, once a GoF.\n"
+    )
+
+
+def memory() -> str:
+    """Peak memory of a long sequence, a sentence."""
+    encode, decode = (results("memory")[direction]["peak_mib"] for direction in ("encode", "decode"))
+    return (
+        f"300 frames of 200 k Gaussians encode in {encode:.0f} MiB (two processes together) "
+        f"and decode in {decode:.0f} MiB.\n"
+    )

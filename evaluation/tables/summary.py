@@ -7,6 +7,7 @@ import numpy as np
 from evaluation.curves import kinds
 from evaluation.tables.comparison import OURS, TOLD, compared_scenes, differences, labels, percent
 from evaluation.tables.markdown import table
+from evaluation.tables.single import memory
 from lab.record import results
 
 #: head of a column -> kind of scenes, our curve
@@ -37,12 +38,7 @@ def summary_table() -> str:
 
 
 def _seconds() -> str:
-    speed, memory = results("speed")["character_200k"], results("memory")
+    speed = results("speed")["character_200k"]
     times = f"encodes in {speed['encode_p_s']:.2f} s and decodes in {speed['decode_p_s']:.2f} s"
-    peaks = "encode in {:.0f} MiB and decode in {:.0f} MiB".format(
-        *(memory[direction]["peak_mib"] for direction in ("encode", "decode"))
-    )
-    return (
-        f"\nA P-frame of a walking character (200 k Gaussians, SH degree 3) {times} on one core.\n"
-        f"300 frames of 200 k Gaussians {peaks}.\n"
-    )
+    frame = "a walking character (200 k Gaussians, SH degree 3)"
+    return f"\nA P-frame of {frame} {times} on one core.\n{memory()}"

@@ -299,7 +299,7 @@ def test_summary_keeps_captures_and_objects_apart(tmp_path: Path, monkeypatch: p
     assert lines[2] == f"| delta, GoF 10 | {' | '.join(cells)} |"
     assert not any(line.startswith("| raw") for line in lines)
     assert "encodes in 0.50 s and decodes in 0.25 s" in text
-    assert "encode in 200 MiB and decode in 100 MiB" in text
+    assert "encode in 200 MiB (two processes together) and decode in 100 MiB" in text
 
 
 def test_tables_go_between_their_marks() -> None:
