@@ -18,7 +18,7 @@ VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit
 
 .DEFAULT_GOAL := help
 .PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden cli-page clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts fitted captures
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts picture fitted captures
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -161,9 +161,12 @@ stress: env-eval ## the sequences that break codecs; fails where one misses a ba
 allocation: env-eval ## are the quantiser steps in the right proportion?
 	$(BIN)/python -m evaluation.experiments.i_frames.allocation
 
-charts: env-eval ## docs/charts/*.svg, the tables of docs/results.md, docs/field.md and the README, from evaluation/results
+charts: env-eval ## docs/charts/*.svg, and the tables of the README and of all pages in docs/, from evaluation/results
 	$(BIN)/python -m evaluation.charts
 	$(BIN)/python -m evaluation.tables
+
+picture: env-eval ## docs/picture.webp, a capture's input beside decoded frames (ten minutes)
+	$(BIN)/python -m evaluation.picture
 
 bench-troubles: env-eval ## far Gaussians, headers, small files that ask for much: fails where a bar is missed (half an hour)
 	$(BIN)/python -m evaluation.troubles

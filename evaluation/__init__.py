@@ -11,6 +11,6 @@ sequences    scenes as folders of frames; `fresh`: commands in processes of thei
 
 baselines    other codecs behind one interface
 experiments  one question each: what is a tool of the codec worth?
-tables       what stands in `docs/` and README.md; `charts`: the pictures
+tables       what stands in `docs/` and README.md; `charts`, `picture`: the pictures
 results      JSON, as `lab.record` writes it
 """

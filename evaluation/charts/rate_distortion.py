@@ -91,8 +91,10 @@ def relative_rates(scenes: Scenes) -> dict[str, list[tuple[float, float, int]]]:
 
 
 def averaged(scenes: Scenes, suffix: str = "") -> None:
-    """All scenes of a kind in one chart, `rate_distortion_average` with the suffix."""
+    """All scenes of a kind in one chart, `rate_distortion_average` with the suffix; none without curves."""
     methods, data = _methods(scenes), relative_rates(scenes)
+    if not data:
+        return
     figure = Figure(figsize=(7.5, 4.8))
     axes = figure.subplots()
     for label, points in data.items():

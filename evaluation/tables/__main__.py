@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from evaluation.tables import field, readme, results
+from evaluation.tables.pages import filled, pages
 
 
 def main() -> None:
-    """docs/results.md, docs/field.md and README.md."""
-    for page in (results, field, readme):
-        page.PAGE.write_text(page.filled(page.PAGE.read_text()))
+    """README.md and all of docs/; a page without tables is left alone."""
+    for page in pages():
+        text = page.read_text()
+        if (new := filled(text)) != text:
+            page.write_text(new)
+            print(page)
 
 
 if __name__ == "__main__":

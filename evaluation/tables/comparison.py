@@ -13,7 +13,7 @@ from evaluation.curves import curves, kinds, measured
 from evaluation.tables.markdown import decibel, table
 from lab.record import known_results, results
 
-OURS, STILL = "dfcgs (default)", "dfcgs, no motion"
+OURS, STILL, TOLD = "dfcgs (default)", "dfcgs, no motion", "dfcgs, told its cameras"
 _SHORT = "dfcgs, GoF 10"
 _PRESETS = ("low", "medium", "high", "transparent")
 
@@ -24,9 +24,11 @@ def compared_scenes() -> dict[str, Any]:
 
 
 def _by_kind(made: Callable[[dict[str, Any]], str]) -> str:
-    """A table of the objects and, where there are captures, one of them below."""
-    parts = [(kind, made(scenes)) for kind, scenes in kinds(compared_scenes()).items()]
-    return "\n".join(part if kind == "objects" else f"On captures:\n\n{part}" for kind, part in parts)
+    """A table of captures and, below, one of objects; without heads where there is one kind alone."""
+    parts = {kind: made(scenes) for kind, scenes in kinds(compared_scenes()).items()}
+    if len(parts) == 1:
+        return "".join(parts.values())
+    return "\n".join(f"{kind.capitalize()}:\n\n{parts[kind]}" for kind in ("captures", "objects"))
 
 
 def against(scene: dict[str, Any], label: str) -> str:
@@ -50,19 +52,20 @@ def against(scene: dict[str, Any], label: str) -> str:
     )
 
 
-def _labels(scenes: dict[str, Any]) -> list[str]:
-    labels: dict[str, None] = {}
+def labels(scenes: dict[str, Any]) -> list[str]:
+    """The baselines' curves, in the order in which they occur."""
+    found: dict[str, None] = {}
     for scene in scenes.values():
-        labels |= dict.fromkeys(curves(scene["points"]))
-    return [label for label in labels if not label.startswith("dfcgs")]
+        found |= dict.fromkeys(curves(scene["points"]))
+    return [label for label in found if not label.startswith("dfcgs")]
 
 
 def bd_table() -> str:
     """Every baseline on every scene."""
     scenes = compared_scenes()
-    labels = _labels(scenes)
-    rows = [[name, *(against(scene, label) for label in labels)] for name, scene in scenes.items()]
-    return table(["scene", *labels], rows)
+    found = labels(scenes)
+    rows = [[name, *(against(scene, label) for label in found)] for name, scene in scenes.items()]
+    return table(["scene", *found], rows)
 
 
 def refusal_table() -> str:
@@ -118,7 +121,7 @@ def _speeds(scenes: dict[str, Any]) -> str:
     return table(["method", "encode, s", "decode, s", "encode, MiB", "decode, MiB"], rows)
 
 
-def _differences(scenes: dict[str, Any], label: str, ours: str) -> tuple[int, list[float]]:
+def differences(scenes: dict[str, Any], label: str, ours: str) -> tuple[int, list[float]]:
     """Scenes that a baseline codes, and logarithms of our bytes relative to its at equal PSNR."""
     logs, scene_count = [], 0
     for scene in scenes.values():
@@ -134,7 +137,8 @@ def _differences(scenes: dict[str, Any], label: str, ours: str) -> tuple[int, li
     return scene_count, logs
 
 
-def _percent(logarithm: float) -> str:
+def percent(logarithm: float) -> str:
+    """exp(`logarithm`) - 1 in percent."""
     return f"{100 * math.expm1(logarithm):+.0f} %"
 
 
@@ -145,17 +149,17 @@ def averages() -> str:
 
 def _averages(scenes: dict[str, Any]) -> str:
     rows = []
-    for label in _labels(scenes):
+    for label in labels(scenes):
         if not any(curves(scene["points"]).get(label) for scene in scenes.values()):
             rows.append([label, str(len(scenes)), *["lossless"] * 4])
             continue
-        scene_count, logs = _differences(scenes, label, OURS)
-        _, short_logs = _differences(scenes, label, _SHORT)
+        scene_count, logs = differences(scenes, label, OURS)
+        _, short_logs = differences(scenes, label, _SHORT)
         if not logs:
             rows.append([label, str(scene_count), *["no overlap"] * 4])
             continue
-        cells = [_percent(float(np.mean(logs))), _percent(min(logs)), _percent(max(logs))]
-        cells.append(_percent(float(np.mean(short_logs))) if short_logs else "-")
+        cells = [percent(float(np.mean(logs))), percent(min(logs)), percent(max(logs))]
+        cells.append(percent(float(np.mean(short_logs))) if short_logs else "-")
         rows.append([label, str(scene_count), *cells])
     head = [
         "against",

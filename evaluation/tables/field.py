@@ -1,4 +1,4 @@
-"""The tables of `docs/field.md`: `python -m evaluation.tables.field`.
+"""The tables of `docs/field.md`: all systems of the paper's tables, and ours.
 
 The paper's numbers, as printed, from `evaluation/paper_field.json`; ours from `evaluation/results/*.json`.
 """
@@ -6,15 +6,14 @@ The paper's numbers, as printed, from `evaluation/paper_field.json`; ours from `
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from evaluation.curves import Row, measured
-from evaluation.tables.markdown import replace_between, table
-from lab.record import REPOSITORY, has_results, results
+from evaluation.tables.markdown import table
+from lab.record import has_results, results
 
-PAGE = REPOSITORY / "docs" / "field.md"
 _NUMBERS = Path(__file__).with_name("paper_field.json")
 _CAPTURES = "captures"
 _METHOD = "dfcgs"
@@ -160,20 +159,3 @@ def time_table() -> str:
         what = f"profile `main`, {own['num_gaussians'] // 1000} k Gaussians (`{scene}`), one CPU core"
         rows.append(_seconds(what, own["encode_p_s"], own["decode_p_s"]))
     return table(["what", "encode, s", "decode, s", "total, s"], rows)
-
-
-TABLES: dict[str, Callable[[], str]] = {
-    "n3v": n3v_table,
-    "meetroom": meetroom_table,
-    "captures": captures_table,
-    "robustness": robustness_table,
-    "hyperparameters": hyperparameters_table,
-    "time": time_table,
-}
-
-
-def filled(text: str) -> str:
-    """The page with all tables in their places; ValueError where one has none."""
-    for name, made in TABLES.items():
-        text = replace_between(text, name, made())
-    return text

@@ -15,8 +15,7 @@ from evaluation.charts import __main__ as charts
 from evaluation.charts import bytes_chart, drift, rate_distortion, speed, style
 from evaluation.charts.speed import pareto_front
 from evaluation.curves import curves
-from evaluation.tables import comparison, markdown, motion
-from evaluation.tables import results as page
+from evaluation.tables import comparison, markdown, motion, pages, summary
 from lab import record
 from lab.scenes.catalogue import group
 
@@ -171,9 +170,10 @@ def test_captures_have_averages_of_their_own(tmp_path: Path, monkeypatch: pytest
     found = {"bench": SCENES, "captures": {CAPTURE: cheap}}
     keep(tmp_path, monkeypatch, **found)
     lines = comparison.averages().splitlines()
-    assert lines[2] == "| delta, GoF 10 | 3 | -47 % | -47 % | -47 % | - |"
-    below = lines[lines.index("On captures:") :]
-    assert below[4] == "| delta, GoF 10 | 1 | -74 % | -74 % | -74 % | - |"
+    assert lines[0] == "Captures:"
+    assert lines[4] == "| delta, GoF 10 | 1 | -74 % | -74 % | -74 % | - |"
+    below = lines[lines.index("Objects:") :]
+    assert below[4] == "| delta, GoF 10 | 3 | -47 % | -47 % | -47 % | - |"
     means = [line for line in motion.motion_table().splitlines() if "mean" in line]
     assert means == ["| mean of objects | -50.0 % |  |  |  |", "| mean of captures | -75.0 % |  |  |  |"]
     assert comparison.bd_table().splitlines()[-1].startswith(f"| {CAPTURE} |")
@@ -282,6 +282,26 @@ def test_table_of_compensation_rules(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert lines[4] == "| a, QP 28 | paper best | - | 22.50 |  |"
 
 
+def test_summary_keeps_captures_and_objects_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    speed = {"character_200k": {"encode_p_s": 0.5, "decode_p_s": 0.25}}
+    memory = {"encode": {"peak_mib": 200.0}, "decode": {"peak_mib": 100.0}}
+    told = scene()
+    told["points"] += [
+        p | {"label": "dfcgs, told its cameras", "bytes_per_frame": p["bytes_per_frame"] / 2}
+        for p in told["points"]
+        if p["method"] == "dfcgs"
+    ]
+    keep(tmp_path, monkeypatch, bench=SCENES, captures={CAPTURE: told}, speed=speed, memory=memory)
+    text = summary.summary_table()
+    lines = text.splitlines()
+    assert lines[0] == "| bytes against | captures, `--views` | captures | objects |"
+    cells = [f"**{mean}** ({mean} to {mean})" for mean in ("-74 %", "-47 %", "-47 %")]
+    assert lines[2] == f"| delta, GoF 10 | {' | '.join(cells)} |"
+    assert not any(line.startswith("| raw") for line in lines)
+    assert "encodes in 0.50 s and decodes in 0.25 s" in text
+    assert "encode in 200 MiB (two processes together) and decode in 100 MiB" in text
+
+
 def test_tables_go_between_their_marks() -> None:
     text = "a\n<!-- bd -->\nold\n<!-- end of bd -->\nb"
     assert markdown.replace_between(text, "bd", "new\n") == "a\n<!-- bd -->\nnew\n<!-- end of bd -->\nb"
@@ -289,8 +309,19 @@ def test_tables_go_between_their_marks() -> None:
         markdown.replace_between("no marks", "bd", "new")
 
 
-def test_the_page_has_all_marks() -> None:
-    text = page.PAGE.read_text()
-    for name in page.TABLES:
-        assert f"<!-- {name} -->\n" in text
-        assert f"<!-- end of {name} -->" in text
+def test_every_table_stands_on_a_page() -> None:
+    texts = [page.read_text() for page in pages.pages()]
+    assert {name for text in texts for name in pages.marks(text)} == set(pages.TABLES)
+    for text in texts:
+        assert all(f"<!-- end of {name} -->" in text for name in pages.marks(text))
+
+
+def test_pages_without_tables_stay_as_they_are() -> None:
+    assert pages.filled("<!-- a comment -->\n") == "<!-- a comment -->\n"
+    with pytest.raises(ValueError, match="'n3v'"):
+        pages.filled("<!-- n3v -->\n")
+
+
+def test_pages_are_what_the_results_make() -> None:
+    for page in pages.pages():
+        assert pages.filled(page.read_text()) == page.read_text(), f"{page}: run `make charts`"

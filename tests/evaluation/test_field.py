@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("numba")
 pytest.importorskip("bjontegaard")
 
-from evaluation.tables import field
-from lab.record import results
+from evaluation.tables import field, pages
+from lab.record import REPOSITORY, results
 
 #: table -> rows, and the keys of each beside the system's name
 SHAPES = {
@@ -71,23 +71,14 @@ def test_both_tables_of_systems_agree_on_what_they_are() -> None:
         assert row["kind"] == kinds[row["method"]]
 
 
-def test_the_page_is_what_is_generated() -> None:
-    text = field.PAGE.read_text()
-    assert field.filled(text) == text
-
-
-def test_a_page_without_marks_is_refused() -> None:
-    with pytest.raises(ValueError, match="'n3v'"):
-        field.filled("no marks")
-
-
 def cells(table: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()]
 
 
 def test_every_row_is_as_wide_as_its_head() -> None:
-    for made in field.TABLES.values():
-        assert len({len(row) for row in cells(made())}) == 1
+    text = (REPOSITORY / "docs" / "field.md").read_text()
+    for name in pages.marks(text):
+        assert len({len(row) for row in cells(pages.TABLES[name][1]())}) == 1
 
 
 def test_without_captures_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from dfcgs_codec import EncoderOptions, GaussianCloud
+from dfcgs_codec import GaussianCloud
 from evaluation.bd import bd_delta
 from evaluation.experiments.i_frames.intra import SPLATS
 from evaluation.experiments.i_frames.quantised_input import coded
 from lab.assets import present
+from lab.options import encoder_options
 from lab.quality import frame_quality, image, psnr
 from lab.record import known_results, write_result
 from lab.render import Camera, orbit
@@ -66,7 +67,7 @@ def compare(cloud: GaussianCloud, name: str) -> dict[str, Any]:
         sources = [image(scene, camera) for camera in cameras]
         for variant, changes in VARIANTS.items():
             for row, qp in enumerate(QPS):
-                size, _, decoded = coded(scene, EncoderOptions(qp=qp, **changes))
+                size, _, decoded = coded(scene, encoder_options(qp=qp, **changes))
                 error = frame_quality(0, sources, decoded, cameras).visible.mse
                 sums[variant][row] += np.array([size, error]) / len(found)
     points = {v: [(float(size), psnr(float(error))) for size, error in rows] for v, rows in sums.items()}
