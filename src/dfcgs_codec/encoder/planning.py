@@ -28,6 +28,7 @@ from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.rate_control import (
     MAX_QP,
     MIN_QP,
+    QUALITIES,
     REFERENCE_STEPS,
     TYPICAL_QP,
     expected_qp,
@@ -48,8 +49,9 @@ Int64 = npt.NDArray[np.int64]
 
 #: a QP is near enough when the estimate is so near the quality asked for, dB
 _NEAR_ENOUGH = 0.4
-#: estimates are about so uncertain, dB: so much more is aimed at, for a quality is a promise
-_MARGIN = 1.5
+#: a quality is a promise, and estimates are uncertain, the more so the finer: so many dB more are aimed at
+#: up to 37 dB, and so many more with each dB beyond
+_MARGIN, _MORE_MARGIN = 1.0, 0.1
 #: QPs that are tried
 _MOST_TRIALS = 4
 #: the share of the error that leaving out Gaussians may make
@@ -249,7 +251,7 @@ class _Estimator:
         options = self._subject.options
         trial = self.tried(expected_qp(options.qp, options.quality))
         if options.qp is None:
-            trial = self._searched(trial, options.quality + _MARGIN)
+            trial = self._searched(trial, aimed_at(options.quality))
         if not (trial.looks and options.tuning.balance):
             return trial.plan
         return balanced_plan(trial.plan, trial.looks, trial.found)
@@ -265,6 +267,11 @@ class _Estimator:
                 return nearest
             trial = self.tried(better)
         return trial
+
+
+def aimed_at(quality: float) -> float:
+    """The estimate, dB, at which images are about as good as `quality`, or better."""
+    return quality + _MARGIN + _MORE_MARGIN * max(quality - QUALITIES["medium"], 0.0)
 
 
 def _better_qp(tried: Sequence[tuple[float, float]]) -> float:
