@@ -732,23 +732,14 @@ def coded_intra(streams: Iterator[RangeDecoder], n: int, header: IntraHeader, ha
 
 # --- 12 P-frames ------------------------------------------------------------------------------------------
 
-# fmt: off
-CLASS_MIDDLES = (
-    0, 1, 2, 2, 3, 5, 7, 10, 13, 19, 27, 38, 54, 76, 108, 152, 215, 304, 431, 609, 861, 1218, 1722, 2435,
-)
-# fmt: on
-
 
 @dataclass
 class Activity:
     symbols: Matrix
     density: Row
     magnitude: Row
-    #: 17.4, of each Gaussian: `running`, then `memory` of each column
+    #: 12.1, of each Gaussian: `running`, then `memory` of each column
     memory: Matrix
-
-    def significant(self, row: int) -> bool:
-        return any(self.symbols[row])
 
     def of(self, change: Callable[[Matrix], Matrix], num_blocks: int) -> Activity:
         """15.2, 15.4: of other Gaussians; classes become 0."""
@@ -760,81 +751,41 @@ def num_blocks(n: int, block_log2: int) -> int:
 
 
 def remember(memory: Row, symbols: Row) -> Row:
-    """17.4: `running` and `memory` of a Gaussian, from those before."""
+    """12.1: `running` and `memory` of a Gaussian, from those before."""
     running = memory[0] - (memory[0] >> 2) + (min(size(symbols), 2**20) << 2)
     faded = [m - 16 * s for m, s in zip(memory[1:], symbols, strict=True)]
     return [running, *(m - (m >> 2) for m in faded)]
 
 
-def magnitudes(stream: RangeDecoder, density: Row, before: Row, prior: Prior | None) -> Row:
-    """12.3."""
+def magnitudes(stream: RangeDecoder, model: PriorModel, density: Row, before: Row) -> Row:
+    """12.2."""
     blocks = [b for b, d in enumerate(density) if d > 0]
     magnitude = [0] * len(density)
     if blocks:
         contexts = [density[b] + (4 if before[b] > 0 else 0) for b in blocks]
-        tables = prior.model.magnitudes if prior else stream.read_tables(8)
-        for b, r in zip(blocks, stream.residuals(contexts, tables), strict=True):
+        for b, r in zip(blocks, stream.residuals(contexts, model.magnitudes), strict=True):
             magnitude[b] = clip(before[b] + r, 0, 23)
     return magnitude
 
 
-def coded_rows(stream: RangeDecoder, density: Row, before: Activity, beside: Activity) -> Row:
-    """12.4; `density` of each Gaussian's block."""
-    rows = [i for i, d in enumerate(density) if d in (1, 2)]
-    coded = [i for i, d in enumerate(density) if d == 3]
-    if rows:
-        contexts = [4 * density[i] + 2 * before.significant(i) + beside.significant(i) for i in rows]
-        flags = stream.grouped(contexts, stream.read_histograms(occurring(contexts), 2))
-        coded += [i for i, flag in zip(rows, flags, strict=True) if flag]
-    return sorted(coded)
-
-
-def columns_of(
-    stream: RangeDecoder, lods: Lods, hints: Matrix, old: Matrix, num_columns: int
-) -> Iterator[Row]:
-    """12.5; `old` are the symbols before at the coded rows."""
-    residuals: Matrix = []
-    for c in range(num_columns):
-        features = [*residuals, [symbols[c] for symbols in old]]
-        sources = [[abs(r) for r in residual] for residual in residuals] + hints
-        value, residual = predicted_component(stream, lods, features, sources)
-        yield value
-        residuals.append(residual)
-
-
 def inter_attribute(
-    stream: RangeDecoder,
-    gof: Lods,
-    history: tuple[Activity, Activity],
-    block_log2: int,
-    prior: Prior | None = None,
+    stream: RangeDecoder, gof: Lods, density_beside: Row, block_log2: int, prior: Prior
 ) -> Activity:
-    """12; 17.4 where the sequence has a prior and the stream uses it."""
-    before, beside = history
-    if prior is not None and stream.decode(uniform(2)) == 0:
-        prior = None
-    contexts = [4 * d + e for d, e in zip(before.density, beside.density, strict=True)]
-    models = prior.model.densities if prior else stream.read_histograms(occurring(contexts), 4)
-    density = stream.grouped(contexts, models)
-    magnitude = magnitudes(stream, density, before.magnitude, prior)
+    """12."""
+    before, model = prior.before, prior.model
+    contexts = [4 * d + e for d, e in zip(before.density, density_beside, strict=True)]
+    density = stream.grouped(contexts, model.densities)
+    magnitude = magnitudes(stream, model, density, before.magnitude)
     n, num_columns = len(before.symbols), len(before.symbols[0])
     block = [i >> block_log2 for i in range(n)]
     densities = [density[b] for b in block]
-    if prior is not None:
-        classes = [(before.density[b], density[b], magnitude[b]) for b in block]
-        inputs = [prior.common(i, classes[i]) if densities[i] else [] for i in range(n)]
-        rows = prior_coded_rows(stream, prior.model, gof, densities, inputs)
-    else:
-        rows = coded_rows(stream, densities, before, beside)
+    classes = [(before.density[b], density[b], magnitude[b]) for b in block]
+    inputs = [prior.common(i, classes[i]) if densities[i] else [] for i in range(n)]
+    rows = coded_rows(stream, model, gof, densities, inputs)
     lods = gof if len(rows) == n else Lods(len(rows))
-    if prior is not None:
-        flagged = [densities[i] != 3 for i in rows]
-        old = Activity([before.symbols[i] for i in rows], [], [], [before.memory[i] for i in rows])
-        columns = prior_columns(stream, prior.model, lods, old, ([inputs[i] for i in rows], flagged))
-    else:
-        symbols = [before.symbols[i] for i in rows]
-        hints = [[CLASS_MIDDLES[magnitude[block[i]]] for i in rows], [size(row) for row in symbols]]
-        columns = list(columns_of(stream, lods, hints, symbols, num_columns))
+    flagged = [densities[i] != 3 for i in rows]
+    old = Activity([before.symbols[i] for i in rows], [], [], [before.memory[i] for i in rows])
+    columns = columns_of(stream, model, lods, old, ([inputs[i] for i in rows], flagged))
     symbols = [[0] * num_columns for _ in range(n)]
     for j, i in enumerate(rows):
         symbols[i] = [column[j] for column in columns]
@@ -1422,10 +1373,6 @@ class MotionSymbols:
     follows: list[bool]
     symbols: Matrix
 
-    def beside(self) -> Activity:
-        """12.1: what the first stream of the residual sees."""
-        return Activity([[int(f)] for f in self.follows], self.mode, [0] * len(self.mode), [])
-
 
 def squared_distance(a: Row, b: Row) -> int:
     return sum((x - y) ** 2 for x, y in zip(a, b, strict=True))
@@ -1601,7 +1548,7 @@ class MotionField:
     def _symbols(
         self, stream: RangeDecoder, num_coded: int, steps: tuple[int, int], temporal_weight: int
     ) -> Matrix:
-        """14.3, 17.5."""
+        """14.3."""
         rows = sorted(range(num_coded), key=lambda k: self.gaussian[k])
         symbols = [[0] * 7 for _ in self.pivot]
         num_columns = 3
@@ -1609,9 +1556,8 @@ class MotionField:
             num_columns = 7 if self.spread else 6
         if num_coded == 0:
             return symbols
-        prior = self.prior if self.spread is None else None
-        if prior is not None and stream.decode(uniform(2)):
-            columns = self._prior_columns(stream, prior, rows, (num_columns, steps, temporal_weight))
+        if self.spread is None:
+            columns = self._gathered_columns(stream, rows, (num_columns, steps, temporal_weight))
         else:
             hint = [size(self.last.symbols[k]) for k in rows]
             columns = control_columns(stream, num_coded, hint, num_columns)
@@ -1621,11 +1567,13 @@ class MotionField:
                 symbols[k][c] = s
         return symbols
 
-    def _prior_columns(
-        self, stream: RangeDecoder, model: PriorModel, rows: Row, coding: tuple[int, tuple[int, int], int]
+    def _gathered_columns(
+        self, stream: RangeDecoder, rows: Row, coding: tuple[int, tuple[int, int], int]
     ) -> Iterator[Row]:
-        """17.5; `coding` is the number of columns, the steps and `temporal_weight`."""
+        """14.3; `coding` is the number of columns, the steps and `temporal_weight`."""
         num_columns, steps, temporal_weight = coding
+        model = self.prior
+        assert model is not None
         habits = [self._habit(k, steps, temporal_weight) for k in rows]
         inputs = [self._prior_inputs(k, len(rows), habit) for k, habit in zip(rows, habits, strict=True)]
         columns: Matrix = []
@@ -1654,13 +1602,13 @@ class MotionField:
             residuals.append(residual)
 
     def _habit(self, k: int, steps: tuple[int, int], temporal_weight: int) -> Row:
-        """17.5: in six columns."""
+        """14.3: the expected change in six columns."""
         left = 4 * (4 - temporal_weight)
         turns = [h * left // steps[1] if steps[1] > 0 else 0 for h in self.habit_v[k]]
         return [*(h * left // steps[0] for h in self.habit_t[k]), *turns]
 
     def _prior_inputs(self, k: int, num_coded: int, habit: Row) -> Row:
-        """17.5: x."""
+        """14.3: x."""
         level, stop = self.levels[k]
         x = [16 * level, log(size(self.last.symbols[k])), log(size(habit))]
         point = self.binding[k]
@@ -1859,7 +1807,7 @@ class Gof:
 
     @property
     def points(self) -> list[Gathered]:
-        """17.4: efforts and choices of the Gaussians; 0 where nothing has moved."""
+        """12.3: efforts and choices of the Gaussians; 0 where nothing has moved."""
         return self._motion.points if self._motion else [Gathered([], [])] * len(self.anchors)
 
     def _anchored(self, anchors: Matrix) -> None:
@@ -2007,7 +1955,7 @@ def rows_of(array: Array) -> Matrix:
 
 def find_model(sequence: Sequence, models: Models, networks: tuple[str, ...]) -> dict[str, Array]:
     """A model of the profile has `networks`."""
-    if not sequence.model_id or sequence.model_id not in models:
+    if sequence.model_id not in models:
         raise ModelMismatch
     arrays = {name: Array(*array) for name, array in models[sequence.model_id].items()}
     if model_hash(arrays)[:8] != sequence.model_hash:
@@ -2270,7 +2218,7 @@ def prior_column(stream: RangeDecoder, model: PriorModel, lods: Lods, column: Pr
 
 @dataclass
 class Prior:
-    """17.4: what a stream of a RESIDUAL chunk is decoded with."""
+    """12.3: what a stream of a RESIDUAL chunk is decoded with."""
 
     model: PriorModel
     points: list[Gathered]
@@ -2297,10 +2245,8 @@ class Prior:
         return [min(value, 255) for value in x]
 
 
-def prior_coded_rows(
-    stream: RangeDecoder, model: PriorModel, lods: Lods, density: Row, inputs: Matrix
-) -> Row:
-    """17.4: flags; `density` of each Gaussian's block."""
+def coded_rows(stream: RangeDecoder, model: PriorModel, lods: Lods, density: Row, inputs: Matrix) -> Row:
+    """12.4; `density` of each Gaussian's block."""
     s = [256 if d == 3 else 0 for d in density]
     lods = lods.finest(5)
 
@@ -2321,10 +2267,10 @@ def prior_coded_rows(
     return [i for i, share in enumerate(s) if share]
 
 
-def prior_columns(
+def columns_of(
     stream: RangeDecoder, model: PriorModel, lods: Lods, old: Activity, rows: tuple[Matrix, list[bool]]
 ) -> Matrix:
-    """17.4: columns; of coded rows the activity before, the common inputs and whether there is a flag."""
+    """12.5; of coded rows the activity before, the common inputs and whether there is a flag."""
     inputs, flagged = rows
     columns: Matrix = []
     residuals: Matrix = []
@@ -2403,7 +2349,7 @@ def sequence_header(fields: Fields) -> Sequence:
     require(all(abs(o) <= 1 << 52 for o in origin) and precision <= 1)
     model_id = fields.raw(fields.uvarint())
     require(len(model_id) <= 64 and model_id.isascii())
-    hashed = fields.raw(8) if model_id else b""
+    hashed = fields.raw(8)
     require(fields.place == len(fields.data))
     exponents = {POSITION: position, SCALE: scale, ROTATION: -24, OPACITY: opacity, SH_DC: color}
     found = Sequence(sh_degree, num_frames, numbers, exponents, profile, model_id.decode("ascii"), hashed)
@@ -2545,7 +2491,7 @@ class Decoder:
         if self.sequence.profile == PAPER:
             networks: tuple[str, ...] = ("fusion", "synthesis")
             self._model = FrozenModel(find_model(self.sequence, models or {}, networks))
-        elif self.sequence.model_id:
+        else:
             networks = ("flags", "columns", "control")
             self._prior = PriorModel(find_model(self.sequence, models or {}, networks))
 
@@ -2670,20 +2616,20 @@ def residual(
         return Activity([[0] * num_columns for _ in range(n)], [0] * count, [0] * count, memory)
 
     activity: dict[int, Activity] = {}
-    beside = motion.beside() if motion else nothing(1)
+    beside = motion.mode if motion else [0] * count
     follows = motion.follows if motion else [False] * n
-    prior = Prior(gof.prior, gof.points, follows, gof.history, activity) if gof.prior else None
+    assert gof.prior is not None
+    prior = Prior(gof.prior, gof.points, follows, gof.history, activity)
     attributes = sorted(steps.steps)
     streams = open_streams(fields, len(attributes))
     for attribute, stream in zip(attributes, streams, strict=True):
         before = gof.history.get(attribute)
         if before is None or len(before.density) != count:
             before = nothing(3 if attribute == ROTATION else COLUMNS[attribute])
-        if prior is not None:
-            coarseness = steps.coarseness(attribute, gof.state)
-            prior = replace(prior, attribute=attribute, before=before, coarseness=coarseness)
-        beside = inter_attribute(stream, gof.lods, (before, beside), block_log2, prior)
-        activity[attribute] = beside
+        coarseness = steps.coarseness(attribute, gof.state)
+        prior = replace(prior, attribute=attribute, before=before, coarseness=coarseness)
+        activity[attribute] = inter_attribute(stream, gof.lods, beside, block_log2, prior)
+        beside = activity[attribute].density
     return activity
 
 

@@ -66,7 +66,6 @@ from dfcgs_codec.codec.side_information import (
     code_weights,
     histogram_models,
 )
-from dfcgs_codec.codec.symbols import SymbolCoder, T
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder import frame_coding, streams
 from dfcgs_codec.encoder.analysis import ZeroBin
@@ -74,7 +73,6 @@ from dfcgs_codec.encoder.grading import TurnChooser, nearest_by, quantise_by
 from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.entropy import coder, tables
 from dfcgs_codec.entropy.symbols import code_bits, code_escapes, code_residuals
@@ -608,11 +606,6 @@ class RandomWriter(SymbolWriter):
     def choice(self, size: int, evidence: Callable[[], int]) -> int:
         return super().choice(size, lambda: int(self.rng.integers(size)))
 
-    def either(self, walk: Callable[[SymbolCoder, bool], T]) -> T:
-        self.preferred = self.rng.random() < 0.7
-        super().choice(2, lambda: int(bool(self.preferred)))
-        return walk(self, self.preferred)
-
     def layout(self, evidence: Any) -> HistogramLayout | None:
         values, _, _ = evidence()
         use = self.rng.random() < 0.6
@@ -781,7 +774,7 @@ def _random_intra(
 ) -> frame_coding.CodedFrame:
     # passes with two quantisers, now and then
     count = int(rng.integers(1, rng.choice([20, 200, 200, 1200])))
-    model = registry.context_model(header.model_id) if header.model_id else None
+    model = registry.context_model(header.model_id)
     setup = GofSetup(_random_control(rng), header.unit_exponents, model)
     if rng.random() < 0.3:
         permutation = rng.permutation(count) if rng.random() < 0.5 else None
@@ -813,14 +806,13 @@ def _random_inter(
     return coded
 
 
-def _random_file(rng: np.random.Generator, model: ContextModel | None = None) -> bytes:
+def _random_file(rng: np.random.Generator, model: ContextModel) -> bytes:
     sh_degree, num_frames = int(rng.integers(2)), 6
     attributes = list(Attribute)[: Attribute.SH_1 + sh_degree]
     numbers = FrameNumbers.of(sorted(rng.choice(12, num_frames, replace=False).tolist()))
     units = UnitExponents(*rng.integers(-16, -10, 4).tolist())
     header = SequenceHeader(Profile.MAIN, 1, sh_degree, OutputOrder.FREE, (25, 1), numbers, units)
-    if model is not None:
-        header = replace(header, model_id=model.model_id, model_hash=model.digest[:8])
+    header = replace(header, model_id=model.model_id, model_hash=model.digest[:8])
     file = io.BytesIO()
     writer = ContainerWriter(file, header)
     coded = None
@@ -843,9 +835,10 @@ def _random_file(rng: np.random.Generator, model: ContextModel | None = None) ->
 @pytest.mark.parametrize("seed", range(30))
 def test_random_choices(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(seed)
+    model, models = _random_prior(seed, monkeypatch)
     monkeypatch.setattr(streams, "SymbolWriter", RandomWriter)
     monkeypatch.setattr(RandomWriter, "rng", rng)
-    _check_file(_random_file(rng))
+    _check_file(_random_file(rng, model), models)
 
 
 # --- section 16 -------------------------------------------------------------------------------------------
@@ -954,29 +947,15 @@ PRIOR_SEQUENCES: dict[str, tuple[Callable[[], list[GaussianCloud]], dict[str, An
 }
 
 
-@pytest.mark.parametrize("mode", [PriorMode.NETWORK, PriorMode.AUTO])
 @pytest.mark.parametrize("name", PRIOR_SEQUENCES)
-def test_priors(name: str, mode: PriorMode, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Networks and tables of random integers, in every stream or where they happen to do better."""
+def test_priors(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Networks and tables of random integers."""
     make, changes = PRIOR_SEQUENCES[name]
     _, models = _random_prior(sorted(PRIOR_SEQUENCES).index(name), monkeypatch)
     target = tmp_path / "random.dgs"
-    report = encode_sequence(make(), target, EncoderOptions(prior=mode, model_id="random", **changes))
+    report = encode_sequence(make(), target, EncoderOptions(model_id="random", **changes))
     assert sum(frame.kind == "P" for frame in report.frames) >= 2
     _check_file(target.read_bytes(), models)
-
-
-#: seeds that together tell all inputs of the networks apart
-_TELLING = (1006, 1008, 1010, 1011, 1014, 1015, 1016, 1018, 1024, 1032, 1035, 1047, 1051, 1086)
-
-
-@pytest.mark.parametrize("seed", _TELLING)
-def test_random_choices_with_a_prior(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(seed)
-    model, models = _random_prior(seed, monkeypatch)
-    monkeypatch.setattr(streams, "SymbolWriter", RandomWriter)
-    monkeypatch.setattr(RandomWriter, "rng", rng)
-    _check_file(_random_file(rng, model), models)
 
 
 def test_logarithms_are_those_of_the_text() -> None:
@@ -1012,9 +991,8 @@ def test_models_that_do_not_fit(profile: Profile, tmp_path: Path, monkeypatch: p
         ({"model_id": "unknown"}, models),
         ({"model_hash": bytes(8)}, models),
         ({"model_hash": other.digest[:8]}, models),
+        ({"model_id": ""}, models),
     ]
-    if profile == Profile.PAPER:
-        refused.append(({"model_id": "", "model_hash": b""}, models))
     for changes, known in refused:
         damaged = _with_model(data, **changes)
         with pytest.raises(BitstreamError) as caught:

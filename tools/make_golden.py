@@ -42,7 +42,6 @@ from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.model.registry import installed
 from dfcgs_codec.ply import write_ply
 
@@ -52,7 +51,7 @@ from tests import helpers, rooms  # noqa: E402
 
 FOLDER = ROOT / "tests" / "conformance"
 PAPER = EncoderOptions(profile=Profile.PAPER)
-NETWORK = EncoderOptions(prior=PriorMode.NETWORK)
+MAIN = EncoderOptions()
 Sequence = tuple[list[GaussianCloud], EncoderOptions]
 
 
@@ -194,19 +193,18 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.all_changing(helpers.make_cloud(60, 1), 3),
             replace(PAPER, refinement=RefinementMode.ON, intra=IntraKind.PLY),
         ),
-        "plain_streams": (helpers.drifting(real, 3), replace(NETWORK, prior=PriorMode.PLAIN)),
-        "prior_tracked_sh2": (helpers.drifting(helpers.real_cloud(500), 4), replace(NETWORK, gof_size=3)),
-        "prior_all_attributes_sh3": (helpers.all_changing(helpers.make_cloud(80, 3), 4), NETWORK),
-        "prior_many_levels": (helpers.drifting(helpers.make_cloud(2100), 2), replace(NETWORK, qp=24)),
-        "prior_few_gaussians": (helpers.all_changing(helpers.make_cloud(7), 3), NETWORK),
+        "prior_tracked_sh2": (helpers.drifting(helpers.real_cloud(500), 4), replace(MAIN, gof_size=3)),
+        "prior_all_attributes_sh3": (helpers.all_changing(helpers.make_cloud(80, 3), 4), MAIN),
+        "prior_many_levels": (helpers.drifting(helpers.make_cloud(2100), 2), replace(MAIN, qp=24)),
+        "prior_few_gaussians": (helpers.all_changing(helpers.make_cloud(7), 3), MAIN),
         "prior_uniform_steps": (
             helpers.all_changing(helpers.make_cloud(70, 1), 3),
-            replace(NETWORK, visibility=False),
+            replace(MAIN, visibility=False),
         ),
-        "prior_motion": (_waving(900, 5), replace(NETWORK, control_spacing=20)),
+        "prior_motion": (_waving(900, 5), replace(MAIN, control_spacing=20)),
         "prior_births_and_deaths": (
             helpers.succeeding(_minute(600), 5),
-            replace(NETWORK, control_spacing=20),
+            replace(MAIN, control_spacing=20),
         ),
         "escapes": (
             _with_far_ones(helpers.drifting(helpers.make_cloud(80), 6), {0: 1e12, 2: 1e9, 3: 1e9, 5: 1e30}),

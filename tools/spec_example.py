@@ -20,6 +20,7 @@ from unittest import mock
 import numpy as np
 
 from dfcgs_codec.bitstream.constants import (
+    MODEL_HASH_BYTES,
     Attribute,
     ChunkType,
     Compensation,
@@ -62,6 +63,7 @@ from dfcgs_codec.encoder.motion_choice import MotionTrial
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.entropy.coder import Model
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, scale_table
+from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
 
 SPEC = Path(__file__).resolve().parents[1] / "bitstream_spec.md"
 
@@ -71,6 +73,7 @@ _FLAT_BIAS = 5
 _BYTES_PER_LINE = 16
 _BLOCK_LOG2 = 3
 
+_PRIOR = context_model(DEFAULT_PRIOR)
 _HEADER = SequenceHeader(
     profile=Profile.MAIN,
     level=1,
@@ -79,6 +82,8 @@ _HEADER = SequenceHeader(
     frame_rate=(30, 1),
     frame_numbers=FrameNumbers(((7, 2),)),
     unit_exponents=UnitExponents(position=-4, scale=-12, opacity=-12, color=-12),
+    model_id=_PRIOR.model_id,
+    model_hash=_PRIOR.digest[:MODEL_HASH_BYTES],
 )
 _STEPS = {
     Attribute.POSITION: 4,
@@ -171,7 +176,7 @@ def build() -> bytes:
     symbols = IntraSymbols(planes, np.array(_PERMUTATION, np.int64))
     with mock.patch.object(streams, "SymbolWriter", PlainWriter):
         task = frame_coding.IntraTask(symbols, _GRID, _STEPS)
-        intra = frame_coding.code_intra_frame(0, task, GofSetup(_CONTROL, _HEADER.unit_exponents))
+        intra = frame_coding.code_intra_frame(0, task, GofSetup(_CONTROL, _HEADER.unit_exponents, _PRIOR))
         trial = _motion(intra)
         inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra.state, _RESIDUAL, trial)
     writer.gof(0, [intra.data, inter.data])
@@ -233,7 +238,8 @@ def _sequence_header(trace: _Tracer) -> None:
     for axis in "xyz":
         trace.number("svarint", f"position_origin {axis}")
     trace.number("u8", "position_precision", lambda v: f"{v} {Precision(v).name}")
-    trace.number("uvarint", "model_id_length")
+    trace.raw(trace.number("uvarint", "model_id_length"), "model_id")
+    trace.raw(MODEL_HASH_BYTES, "model_hash")
 
 
 def _streams(trace: _Tracer, names: list[str]) -> None:

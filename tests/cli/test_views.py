@@ -15,7 +15,7 @@ from tests.helpers import dfcgs, drifting, make_cloud, write_frames
 from tests.rooms import room, viewers
 from tests.unit.views.view_files import colmap_binary, inria, some_cameras, write_json
 
-QUICK = ("--jobs", "1", "--motion", "off", "--prior", "plain", "--balance", "off")
+QUICK = ("--jobs", "1", "--motion", "off", "--balance", "off")
 FRAMES = drifting(make_cloud(30), 2)
 
 
@@ -113,7 +113,7 @@ def test_views_go_to_worker_processes(scene: Path) -> None:
 
 
 def test_python_reads_a_path_and_looks_for_none(scene: Path) -> None:
-    out, options = scene.parent / "out.dgs", {"motion": "off", "prior": "plain", "balance": False}
+    out, options = scene.parent / "out.dgs", {"motion": "off", "balance": False}
     encode_sequence(scene, out, EncoderOptions(**options))
     assert "views" not in settings(scene)
     for views in (scene, str(scene / "cameras.json"), Views(tuple(some_cameras()))):

@@ -26,8 +26,8 @@ from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.limits import UNLIMITED
 from dfcgs_codec.codec.motion import FOLLOW, MotionSymbols, code_motion
 from dfcgs_codec.codec.topology import TopologySymbols, code_topology
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.model.registry import context_model
 from tests.helpers import Chunk, join_chunks, make_cloud, split_chunks
 
 #: decodes a file in a fresh process: frames, name of the error, peak MiB, seconds of CPU
@@ -69,11 +69,10 @@ def file_of_alike(count: int) -> bytes:
 
 
 def encoded(cloud: GaussianCloud, options: EncoderOptions | None = None) -> bytes:
-    """A file of one frame, without a prior."""
-    options = replace(options or EncoderOptions(), prior=PriorMode.PLAIN)
+    """A file of one frame."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "a.dgs"
-        encode_sequence([cloud], path, options)
+        encode_sequence([cloud], path, options or EncoderOptions())
         return path.read_bytes()
 
 
@@ -127,9 +126,10 @@ class Crafted:
         chunks = split_chunks(base)
         self._sequence = SequenceHeader.read(ByteReader(chunks[0].payload))
         self._intra = next(c for c in chunks if c.chunk_type == ChunkType.INTRA_FRAME)
+        self._model = context_model(self._sequence.model_id)
         header = IntraHeader.read(ByteReader(self._intra.payload), self._sequence)
         (frame,) = SequenceDecoder(BytesIO(base), limits=UNLIMITED).frames()
-        setup = GofSetup(header.control, self._sequence.unit_exponents, None)
+        setup = GofSetup(header.control, self._sequence.unit_exponents, self._model)
         self._state = GofState.of_intra(frame.state.on_grid(), setup, header.steps)
         self._frames: list[list[Part]] = []
         self._attributes = coded_attributes(self._sequence.sh_degree)
@@ -189,7 +189,7 @@ class Crafted:
         symbols = MotionSymbols.none(motion.field.num_points, n, num_blocks(n, _BLOCK_LOG2))
         symbols = replace(symbols, modes=symbols.modes + FOLLOW, follows=np.ones(n, np.bool_))
         writers: list[SymbolWriter] = []
-        shape = motion.shape(header, _BLOCK_LOG2, None)
+        shape = motion.shape(header, _BLOCK_LOG2, self._model)
         code_motion(lambda: _opened(writers), symbols, motion.history(_BLOCK_LOG2), shape)
         return symbols, _bytes(header) + _streams(writers)
 
@@ -204,14 +204,14 @@ class Crafted:
             for a in self._attributes
         }
         writers: list[SymbolWriter] = []
-        beside = None if moved is None else moved.activity()
-        shape = InterShape(self._attributes, n, _BLOCK_LOG2, self._state.levels, beside, None)
+        prior, modes = self._state.prior({}, moved), None if moved is None else moved.modes
+        shape = InterShape(self._attributes, n, _BLOCK_LOG2, self._state.levels, prior, modes)
         coded = code_inter(lambda: _opened(writers), InterSymbols(activity), self._state.history, shape)
         return coded, _streams(writers)
 
 
 def _opened(writers: list[SymbolWriter]) -> SymbolWriter:
-    writers.append(SymbolWriter(preferred=False))
+    writers.append(SymbolWriter())
     return writers[-1]
 
 

@@ -26,11 +26,10 @@ from dfcgs_codec import (
 )
 from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder, Profile
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from tests.helpers import FIELDS, drifting, make_cloud, write_frames
 
 FRAMES = drifting(make_cloud(30, 1), 3)
-QUICK = EncoderOptions(motion="off", prior="plain", balance=False)
+QUICK = EncoderOptions(motion="off", balance=False)
 RATE = "a frame rate such as 30, 29.97"
 
 
@@ -76,7 +75,6 @@ TAKEN: list[tuple[str, Any, Any]] = [
     ("motion", "off", MotionMode.OFF),
     ("intra", "ply", IntraKind.PLY),
     ("profile", "paper", Profile.PAPER),
-    ("prior", "plain", PriorMode.PLAIN),
     ("control_rule", "stride", ControlRule.STRIDE),
     ("compensation", "paper", Compensation.SPREAD),
     ("refinement", "auto", RefinementMode.AUTO),
@@ -150,11 +148,10 @@ def test_jobs_of_none_are_all_cores() -> None:
 
 
 def test_options_given_in_words_code_the_same(tmp_path: Path) -> None:
-    words = EncoderOptions(order="input", motion="off", prior="plain", frame_rate="29.97", bounds={"sh": 0.1})
+    words = EncoderOptions(order="input", motion="off", frame_rate="29.97", bounds={"sh": 0.1})
     members = EncoderOptions(
         order=OutputOrder.INPUT,
         motion=MotionMode.OFF,
-        prior=PriorMode.PLAIN,
         frame_rate=Fraction(2997, 100),
         bounds=(Bound("sh", 0.1),),
     )

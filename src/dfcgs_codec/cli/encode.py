@@ -19,7 +19,6 @@ from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.cli.refusal import note_of_limits
 from dfcgs_codec.cli.views import views_beside, views_named, views_note
 from dfcgs_codec.encoder.options import COMPENSATIONS, EncoderOptions, MotionMode, RefinementMode
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import InputError, VerificationError
@@ -62,7 +61,6 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         views=views_named(values["views"]),
         views_margin=values["views_margin"],
         keep_unseen=values["keep_unseen"],
-        prior=values["prior"],
         intra=values["intra"],
         order=values["order"],
         frame_rate=values["fps"],
@@ -202,14 +200,6 @@ def _summary(report: EncodeReport, target: Path) -> str:
     default="auto",
     show_default=True,
     help="Colour refinement, with --profile paper: where it brings colours nearer, or in every frame.",
-)
-@click.option(
-    "--prior",
-    type=click.Choice([mode.value for mode in PriorMode]),
-    default="auto",
-    show_default=True,
-    help="Where P-frames are coded with the frozen networks: auto where that takes fewer bytes; "
-    "plain: nowhere, which decodes faster.",
 )
 @click.option(
     "--steps",

@@ -142,7 +142,8 @@ class GofMotion:
         """What the symbol walk needs; `model`: the frozen prior of the sequence."""
         coded = np.argsort(self.field.gaussians[: header.num_coded], kind="stable")
         prior = None
-        if model is not None and header.spread is None:
+        if header.spread is None:
+            assert model is not None
             prior = ControlPrior.of(model, self.field, header, self.symbols.control)
         return MotionShape(coded, header.num_columns, block_log2, prior)
 

@@ -1,4 +1,4 @@
-"""The symbols of control points with the frozen prior (spec section 17.5)."""
+"""The symbols of control points with the frozen prior (spec section 14.3)."""
 
 from __future__ import annotations
 

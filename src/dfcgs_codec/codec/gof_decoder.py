@@ -97,7 +97,7 @@ class GofDecoder:
         self,
         container: ContainerReader,
         check: bool,
-        model: LatentModel | ContextModel | None,
+        model: LatentModel | ContextModel,
         budget: Budget,
     ) -> None:
         self._budget = budget
@@ -284,10 +284,10 @@ def _read_residual(
     moved: MotionSymbols | None,
     charge: FrameCharge,
 ) -> InterSymbols:
-    activity = None if moved is None else moved.activity()
+    modes = None if moved is None else moved.modes
     attributes, count = sorted(header.steps), state.frame.num_gaussians
     prior = state.prior(header.visibility, moved)
-    shape = InterShape(attributes, count, header.block_log2, state.levels, activity, prior)
+    shape = InterShape(attributes, count, header.block_log2, state.levels, prior, modes)
     streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes), charge.symbols)
     symbols = code_inter(streams.next, None, state.history, shape)
     streams.close()

@@ -13,7 +13,7 @@ from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.activity import InterSymbols
 from dfcgs_codec.codec.compensation import Carried, ControlSource, GofMotion
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.inter_prior import Prior
+from dfcgs_codec.codec.inter import Prior
 from dfcgs_codec.codec.motion import MotionSymbols
 from dfcgs_codec.codec.reconstruct import gof_levels
 from dfcgs_codec.codec.residual_context import gaussian_inputs
@@ -63,10 +63,9 @@ class GofState:
         """The motion of the GoF so far."""
         return self.moved or self.control.motion()
 
-    def prior(self, levels: dict[Attribute, int], moved: MotionSymbols | None) -> Prior | None:
+    def prior(self, levels: dict[Attribute, int], moved: MotionSymbols | None) -> Prior:
         """What the frozen prior is told of the next residual: `levels` of visibility steps, who moved."""
-        if self.model is None:
-            return None
+        assert self.model is not None
         binding = None if self.moved is None else self.moved.binding
         follows = None if moved is None else moved.follows
         gaussians = gaussian_inputs(binding, follows, self.frame.num_gaussians)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.codec.activity import AttributeActivity, num_blocks
+from dfcgs_codec.codec.activity import num_blocks
 from dfcgs_codec.codec.component import EarlierPasses, code_component
 from dfcgs_codec.codec.control_context import ControlPrior
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
@@ -38,11 +38,6 @@ class MotionSymbols:
     modes: Int64
     follows: Bool
 
-    def activity(self) -> AttributeActivity:
-        """Who moved, as context of the first residual stream."""
-        follows = self.follows.astype(np.int64)[:, None]
-        return AttributeActivity(follows, self.modes, np.zeros(len(self.modes), np.int64))
-
     def merged(self, num_births: int, source: Int64, block_log2: int) -> MotionSymbols:
         """After Gaussians went and came; births followed nobody, modes are forgotten."""
         follows = np.concatenate([self.follows, np.zeros(num_births, np.bool_)])[source]
@@ -60,7 +55,7 @@ class MotionShape:
     """What headers and control points say that the walk needs.
 
     `coded` (k,): ranks of the control points with symbols, in GoF order; `num_columns` 3, 6 or 7; `prior`:
-    where the sequence has a model and the rule is GATHER.
+    where the rule is GATHER.
     """
 
     coded: Int64
@@ -129,21 +124,10 @@ def code_motion(
     control = np.zeros((len(history.control), NUM_CONTROL_COLUMNS), np.int64)
     target = None if symbols is None else symbols.control[shape.coded]
     before = history.control[shape.coded]
-    control[shape.coded] = _code_either(next_coder(), target, before, shape)
+    coder = next_coder()
+    if shape.prior is None or not len(before):
+        control[shape.coded] = _code_control(coder, target, before, shape.num_columns)
+    else:
+        coded = shape.prior.code(coder, target, shape.coded, before, shape.num_columns)
+        control[shape.coded, : shape.num_columns] = coded
     return MotionSymbols(control, modes, follows)
-
-
-def _code_either(coder: SymbolCoder, target: Int64 | None, before: Int64, shape: MotionShape) -> Int64:
-    """Symbols (k, 7) with the prior or without, as the stream says; without any control points, nothing."""
-    prior = shape.prior
-    if prior is None or not len(before):
-        return _code_control(coder, target, before, shape.num_columns)
-
-    def walk(chosen: SymbolCoder, with_prior: bool) -> Int64:
-        if not with_prior:
-            return _code_control(chosen, target, before, shape.num_columns)
-        result = np.zeros((len(before), NUM_CONTROL_COLUMNS), np.int64)
-        result[:, : shape.num_columns] = prior.code(chosen, target, shape.coded, before, shape.num_columns)
-        return result
-
-    return coder.either(walk)

@@ -30,7 +30,6 @@ from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topology
 from dfcgs_codec.codec.verbatim import VerbatimSymbols, code_verbatim
 from dfcgs_codec.encoder.motion_choice import MotionTrial
-from dfcgs_codec.encoder.prior_choice import PriorChoice, PriorMode
 from dfcgs_codec.encoder.streams import Streams
 
 Int64 = npt.NDArray[np.int64]
@@ -59,7 +58,6 @@ class ResidualCoding:
     steps: dict[Attribute, int]
     block_log2: int
     visibility: dict[Attribute, int] = field(default_factory=dict)
-    choice: PriorChoice = field(default_factory=lambda: PriorChoice(PriorMode.AUTO))
 
     def of(self, attributes: list[Attribute]) -> ResidualCoding:
         """That of some of the attributes."""
@@ -213,21 +211,18 @@ def _motion_chunk(frame_index: int, before: GofState, trial: MotionTrial, coding
     writer = ByteWriter()
     trial.header.write(writer)
     motion, block_log2 = before.motion(), coding.block_log2
-    streams = Streams([None, coding.choice.preferred(None)])
+    streams = Streams()
     shape = motion.shape(trial.header, block_log2, before.model)
     code_motion(streams.next, trial.symbols, motion.history(block_log2), shape)
-    coding.choice.learn(None, streams.preferred[1])
     return _chunk_of_streams(ChunkType.MOTION, frame_index, writer, streams.finish())
 
 
 def _residual_chunk(
-    frame_index: int, symbols: InterSymbols, state: GofState, shape: InterShape, choice: PriorChoice
+    frame_index: int, symbols: InterSymbols, state: GofState, shape: InterShape
 ) -> tuple[bytes, InterSymbols]:
     """The chunk, and what is remembered of its symbols."""
-    streams = Streams([choice.preferred(attribute) for attribute in shape.attributes])
+    streams = Streams()
     coded = code_inter(streams.next, symbols, state.history, shape)
-    for attribute, with_prior in zip(shape.attributes, streams.preferred, strict=True):
-        choice.learn(attribute, with_prior)
     return _chunk_of_streams(ChunkType.RESIDUAL, frame_index, ByteWriter(), streams.finish()), coded
 
 
@@ -266,17 +261,17 @@ def code_inter_frame(
     """
     used, block_log2 = coding.of(sorted(symbols.activity)), coding.block_log2
     chunks: list[bytes] = []
-    activity, carried, source = None, None, None
+    modes, carried, source = None, None, None
     predicted = before.frame
     if trial is not None:
         chunks.append(_motion_chunk(frame_index, before, trial, coding))
-        predicted, activity = trial.carried.state, trial.symbols.activity()
+        predicted, modes = trial.carried.state, trial.symbols.modes
         carried = (trial.carried, trial.symbols)
     if used.steps:
         prior = before.prior(used.visibility, None if trial is None else trial.symbols)
         count = predicted.num_gaussians
-        shape = InterShape(list(used.steps), count, block_log2, before.levels, activity, prior)
-        chunk, symbols = _residual_chunk(frame_index, symbols, before, shape, coding.choice)
+        shape = InterShape(list(used.steps), count, block_log2, before.levels, prior, modes)
+        chunk, symbols = _residual_chunk(frame_index, symbols, before, shape)
         chunks.append(chunk)
     coarser = before.visibility.all_multipliers(used.visibility)
     frame = reconstruct_inter(symbols, used.steps, predicted, coarser)

@@ -35,7 +35,6 @@ from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
 from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
-from dfcgs_codec.encoder.prior_choice import PriorChoice
 from dfcgs_codec.encoder.reference import InputFrame
 from dfcgs_codec.encoder.spread_motion import spread_header, spread_motion
 from dfcgs_codec.encoder.targets import ordered
@@ -78,7 +77,6 @@ class InterCoder:
 
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
-        self._choice = PriorChoice(plan.options.prior)
         self._quantisation, self._slack_share = plan.quantisation, SLACK
         self._trusted = 0
         self._grading: Grading | None = None
@@ -169,7 +167,7 @@ class InterCoder:
         if options.motion != MotionMode.ONLY:
             symbols = inter_symbols(task.target, task.before, states, quantiser)
         change = None if task.births is None else task.births.change
-        coding = ResidualCoding(quantisation.steps, BLOCK_LOG2, levels, self._choice)
+        coding = ResidualCoding(quantisation.steps, BLOCK_LOG2, levels)
         return code_inter_frame(task.index, symbols, task.state, coding, trial, change)
 
     def _levels(self, visibility: Visibility) -> dict[Attribute, int]:

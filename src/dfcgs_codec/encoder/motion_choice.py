@@ -108,7 +108,7 @@ def motion_steps(task: MotionTask) -> tuple[int, int]:
 
 def _control_bytes(task: MotionTask, header: MotionHeader, control: Int64) -> int:
     """Bytes of the control points' symbols."""
-    streams, motion = Streams([None, task.model is not None]), task.motion
+    streams, motion = Streams(), task.motion
     symbols = replace(motion.history(task.block_log2), control=control)
     code_motion(
         streams.next,

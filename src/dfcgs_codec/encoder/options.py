@@ -35,7 +35,6 @@ from dfcgs_codec.encoder.option_fields import (
     Whole,
     WholeOrAuto,
 )
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import MAX_PSNR, MAX_QP, MIN_PSNR, MIN_QP, QUALITIES, Bound
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.model.registry import DEFAULT_MODEL, DEFAULT_PRIOR
@@ -125,9 +124,8 @@ class EncoderOptions:
     `transforms.json` or a folder of COLMAP; None, the default, is none, as only the command line looks for
     them beside the frames. `views_margin`: how far outside viewers stand, as a share of the distance between
     cameras; `keep_unseen`: what no such viewer sees is kept as well as the rest;
-    `intra_zero_bin` is that of I-frames; `prior`: which streams of P-frames take
-    the frozen prior; `model_id` names another model than the profile's own; `jobs` processes, None: one for
-    each core.
+    `intra_zero_bin` is that of I-frames; `model_id` names another model than the profile's own; `jobs`
+    processes, None: one for each core.
 
     With `profile` PAPER P-frames have motion by the model's network and nothing else: `latent_step` is the
     paper's q', a power of two, and a `gof_size` of None means its 10 frames.
@@ -149,7 +147,6 @@ class EncoderOptions:
     num_neighbours: Whole = Whole(30)
     profile: Choice[Profile] = Choice(Profile.MAIN)
     model_id: Text = Text(None)
-    prior: Choice[PriorMode] = Choice(PriorMode.AUTO)
     latent_step: Real = Real(1.0)
     refinement: Choice[RefinementMode] = Choice(RefinementMode.AUTO)
     visibility: Switch = Switch(True)
@@ -183,11 +180,10 @@ class EncoderOptions:
             f"--latent-step {self.latent_step}: a power of two, 1/16 to 64, was expected": (
                 MIN_LATENT_STEP_LOG2 <= _log2(self.latent_step) <= MAX_LATENT_STEP_LOG2
             ),
-            "--motion, --compensation, --steps, --balance, --exact and --prior belong to --profile main": (
+            "--motion, --compensation, --steps, --balance and --exact belong to --profile main": (
                 self.profile == Profile.MAIN
                 or (
-                    (self.motion, self.compensation, self.prior)
-                    == (MotionMode.AUTO, Compensation.GATHER, PriorMode.AUTO)
+                    (self.motion, self.compensation) == (MotionMode.AUTO, Compensation.GATHER)
                     and self.visibility
                     and self.balance
                     and self.exact
@@ -221,10 +217,8 @@ class EncoderOptions:
 
     @property
     def model(self) -> str:
-        """Id of the model that the sequence names, empty where it needs none."""
-        if self.profile == Profile.PAPER:
-            return self.model_id or DEFAULT_MODEL
-        return "" if self.prior == PriorMode.PLAIN else self.model_id or DEFAULT_PRIOR
+        """Id of the model that the sequence names."""
+        return self.model_id or (DEFAULT_MODEL if self.profile == Profile.PAPER else DEFAULT_PRIOR)
 
     def describe(self, qp: float) -> str:
         """The settings in one line, for the file's encoder information; `qp` as it was chosen."""
@@ -234,7 +228,7 @@ class EncoderOptions:
         bounds = "".join(f" bound {bound.attribute}={bound.value:g}" for bound in self.bounds)
         return (
             f"dfcgs-codec {__version__} {self._asked}qp={qp:g} gof_size={self.gof_size or 'auto'}"
-            f" prior={self.prior.value}{'/' if self.model else ''}{self.model}"
+            f" model={self.model}"
             f" motion={motion} control={self.control_rule.name.lower()}/{self.control_spacing}"
             f" steps={self._steps}{'' if self.exact else ' exact=off'}{self._seen}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"

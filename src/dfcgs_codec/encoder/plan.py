@@ -83,7 +83,7 @@ class SequencePlan:
 
     @property
     def context_model(self) -> ContextModel | None:
-        """The frozen prior, where the sequence names one."""
-        if self.header.profile != Profile.MAIN or not self.header.model_id:
+        """The frozen prior of profile MAIN."""
+        if self.header.profile != Profile.MAIN:
             return None
         return context_model(self.header.model_id)

@@ -91,12 +91,7 @@ EXPONENTS = st.builds(UnitExponents, WIDE, WIDE, st.integers(-60, MAX_OPACITY_EX
 NETWORK_EXPONENTS = st.builds(
     UnitExponents, WIDE, st.integers(-60, 23), st.integers(-60, MAX_OPACITY_EXPONENT), st.integers(-40, 21)
 )
-MODELS = st.one_of(
-    st.just(("", b"")),
-    st.tuples(
-        st.text(st.characters(codec="ascii"), min_size=1, max_size=64), st.binary(min_size=8, max_size=8)
-    ),
-)
+MODELS = st.tuples(st.text(st.characters(codec="ascii"), max_size=64), st.binary(min_size=8, max_size=8))
 
 
 @st.composite

@@ -17,9 +17,11 @@ from dfcgs_codec.codec.activity import (
     num_inter_columns,
     row_sums,
 )
-from dfcgs_codec.codec.inter import InterShape, code_inter
+from dfcgs_codec.codec.inter import InterShape, Prior, code_inter
+from dfcgs_codec.codec.residual_context import gaussian_inputs
 from dfcgs_codec.codec.symbol_reader import SymbolReader
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
 from dfcgs_codec.transform.lod import GofLevels
 from tests.helpers import make_cloud
 
@@ -28,7 +30,8 @@ ATTRIBUTES = [Attribute.POSITION, Attribute.ROTATION, Attribute.OPACITY, Attribu
 
 def shape_of(count: int, block_log2: int, attributes: list[Attribute]) -> InterShape:
     positions = np.rint(make_cloud(count).positions * 1000).astype(np.int64)
-    return InterShape(attributes, count, block_log2, GofLevels(positions))
+    prior = Prior(context_model(DEFAULT_PRIOR), gaussian_inputs(None, None, count), {})
+    return InterShape(attributes, count, block_log2, GofLevels(positions), prior)
 
 
 def random_symbols(shape: InterShape, share: float, size: float, seed: int = 0) -> InterSymbols:

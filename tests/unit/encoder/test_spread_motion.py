@@ -11,8 +11,7 @@ import pytest
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Compensation, OutputOrder
 from dfcgs_codec.encoder.options import MotionMode
-from dfcgs_codec.encoder.prior_choice import PriorMode
-from tests.helpers import all_changing, make_cloud, still, succeeding, travelling, waving
+from tests.helpers import make_cloud, still, succeeding, travelling, waving
 
 PAPER = EncoderOptions(compensation=Compensation.SPREAD, control_spacing=20, qp=20, order=OutputOrder.INPUT)
 
@@ -66,8 +65,6 @@ def test_births_and_deaths(mode: MotionMode, tmp_path: Path) -> None:
 
 def test_it_is_absent_where_it_does_not_pay(tmp_path: Path) -> None:
     assert code(still(small(300), 3), tmp_path, PAPER)[1] == [0, 0, 0]
-    plain = replace(PAPER, prior=PriorMode.PLAIN)
-    assert code(all_changing(make_cloud(300, 1), 3), tmp_path, plain)[1] == [0, 0, 0]
 
 
 def test_a_single_gaussian(tmp_path: Path) -> None:
