@@ -18,7 +18,7 @@ VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit
 
 .DEFAULT_GOAL := help
 .PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts fitted captures
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-paper bench-intra bench-refresh bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts fitted captures
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -117,9 +117,6 @@ bench-quick: env-eval ## four scenes, six frames, the quick methods (under 10 mi
 
 bench-motion: env-eval ## what motion and its parts are worth: ablations (two hours)
 	$(BIN)/python -m evaluation.motion
-
-bench-compensation: env-eval ## motion without residual: the main rule, the paper's, the last frame repeated (10 minutes)
-	$(BIN)/python -m evaluation.compensation
 
 bench-paper: env-eval ## profile paper against main, and the paper's tables (an hour)
 	$(BIN)/python -m evaluation.paper_profile

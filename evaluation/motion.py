@@ -5,8 +5,7 @@
 Every variant of `dfcgs encode` on the first frames of every evaluation scene that has P-frames, at three QPs,
 against the default: bytes at equal PSNR of whole files and of P-frames alone. Figures land in
 `evaluation/results/motion.json` after every scene; what was measured before by the same code is taken from
-the cache of `evaluation.bench`. Lengths of GoFs are `evaluation.drift`'s, the paper's rule alone
-`evaluation.compensation`'s.
+the cache of `evaluation.bench`. Lengths of GoFs are `evaluation.drift`'s.
 """
 
 from __future__ import annotations
@@ -31,12 +30,10 @@ VARIANTS: dict[str, list[str]] = {
     "no motion": ["--motion", "off"],
     "motion in every frame": ["--motion", "on"],
     "no residual": ["--motion", "only"],
-    "paper's rule": ["--compensation", "paper"],
     "uniform steps": ["--steps", "uniform"],
     "M = 35": ["--control-spacing", "35"],
     "M = 140": ["--control-spacing", "140"],
     "M = 280": ["--control-spacing", "280"],
-    "stride": ["--control-points", "stride"],
 }
 #: what no option leaves out is left out in the encoder's process: statements before it runs
 PATCHES = {

@@ -19,7 +19,6 @@ from typing import Any
 from unittest import mock
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
-from dfcgs_codec.bitstream.constants import ControlRule
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.dpb import FrameState, output
 from dfcgs_codec.codec.gof_decoder import GofDecoder
@@ -46,7 +45,6 @@ SETTINGS: dict[str, EncoderOptions] = {
     "K = 120": replace(PAPER, num_neighbours=120),
     "M = 140": replace(PAPER, control_spacing=140),
     "M = 280": replace(PAPER, control_spacing=280),
-    "stride": replace(PAPER, control_rule=ControlRule.STRIDE),
     "refinement in every frame": replace(PAPER, refinement=RefinementMode.ON),
     "refinement off": replace(PAPER, refinement=RefinementMode.OFF),
 }

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
-from dfcgs_codec.bitstream.constants import Compensation, IntraKind, Profile
+from dfcgs_codec.bitstream.constants import IntraKind, Profile
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
 from evaluation.assets import find_asset, has_asset
 from evaluation.bench import known_results
@@ -40,7 +40,6 @@ SETTINGS: dict[str, EncoderOptions] = {
     "paper, qp18": replace(PAPER, qp=18),
     "paper, qp34": replace(PAPER, qp=34),
     "paper, ply I-frames": replace(PAPER, intra=IntraKind.PLY),
-    "paper's rule, no network": replace(MAIN, motion=MotionMode.ONLY, compensation=Compensation.SPREAD),
     "main, no residual": replace(MAIN, motion=MotionMode.ONLY),
     "main": MAIN,
     "main, qp18": replace(MAIN, qp=18),

@@ -1336,7 +1336,6 @@ def verbatim_intra(
 class ControlHeader:
     """What section 5 says of control points."""
 
-    rule: int
     spacing: int
     shift: int
 
@@ -1367,7 +1366,7 @@ class Gathered:
 
 @dataclass
 class MotionSymbols:
-    """14.3: a mode for each block, who follows, seven symbols of each control point."""
+    """14.3: a mode for each block, who follows, six symbols of each control point."""
 
     mode: Row
     follows: list[bool]
@@ -1388,16 +1387,6 @@ def farthest(cells: Matrix, wanted: int) -> Row:
     return chosen
 
 
-def stride(cells: Matrix, wanted: int) -> Row:
-    b = (len(cells) - 1).bit_length()
-    backward = [sum((k >> i & 1) << (b - 1 - i) for i in range(b)) for k in range(2**b)]
-    chosen: Row = []
-    for i in [i for i in backward if i < len(cells)][:wanted]:
-        if all(cells[i] != cells[j] for j in chosen):
-            chosen.append(i)
-    return chosen
-
-
 def gather(cell: Row, others: Matrix) -> Gathered:
     squared = [squared_distance(cell, other) for other in others]
     count, asked = min(4, len(others)), min(5, len(others))
@@ -1409,36 +1398,6 @@ def gather(cell: Row, others: Matrix) -> Gathered:
     weight = [(s << 12) // total for s in square] + [0] * (4 - count)
     weight[0] += 2**12 - sum(weight)
     return Gathered(rank[:count] + [rank[0]] * (4 - count), weight)
-
-
-#: 14.7
-DECAY = [
-    *(16773120, 16769026, 16760840, 16744480, 16711808, 16646655, 16517109, 16261035),
-    *(15760736, 14805841, 13066109, 10175896, 6171993, 2270549, 307285, 5628),
-]
-
-
-def decayed(x: int) -> int:
-    if x >= 2**16:
-        return 0
-    r = 2**24
-    for b in range(16):
-        if x >> b & 1:
-            r = round_shift(r * DECAY[b], 24)
-    return r
-
-
-def neighbours(cell: Row, cells: Matrix, num_neighbours: int, decay_exponent: int) -> list[tuple[int, int]]:
-    """14.7: Gaussians of the I-frame and their weights."""
-    squared = [squared_distance(cell, other) for other in cells]
-    nearest = sorted(range(len(cells)), key=lambda i: (squared[i], i))[: min(num_neighbours, len(cells))]
-    shift = decay_exponent + 8
-    distance = [math.isqrt(squared[i] << 8) for i in nearest]
-    beyond = [d - distance[0] for d in distance]
-    left = [decayed(b << shift if shift >= 0 else b >> -shift) for b in beyond]
-    weight = [(v << 16) // sum(left) for v in left]
-    weight[0] += 2**16 - sum(weight)
-    return list(zip(nearest, weight, strict=True))
 
 
 def matrix(v: Row) -> Matrix:
@@ -1459,8 +1418,7 @@ class MotionField:
         self.prior = prior
         self.middle, self.shift = positions[n // 2], control.shift
         cells = [self.cell(p) for p in positions]
-        choose = farthest if control.rule == 0 else stride
-        self.gaussian = choose(cells, min(max(1, n // control.spacing), 16384))
+        self.gaussian = farthest(cells, min(max(1, n // control.spacing), 16384))
         count = len(self.gaussian)
         own_cells = [cells[i] for i in self.gaussian]
         self.cells = cells
@@ -1478,12 +1436,7 @@ class MotionField:
         self.habit_t, self.habit_v = zeros(count), zeros(count)
         self.t, self.v, self.matrices = zeros(count), zeros(count), [zeros(3)] * count
         self.translation_step = 1
-        self.last = MotionSymbols([], [False] * n, [[0] * 7 for _ in range(count)])
-        self.first_cells = cells
-        self.origin: list[int | None] = list(range(n))
-        self.spread: tuple[int, int] | None = None
-        self.steps = (1, 0)
-        self._found: dict[tuple[int, ...], list[tuple[int, int]]] = {}
+        self.last = MotionSymbols([], [False] * n, [[0] * 6 for _ in range(count)])
 
     def cell(self, position: Row) -> Row:
         return [
@@ -1493,7 +1446,6 @@ class MotionField:
     def keep(self, kept: Row) -> None:
         """15.2."""
         self.cells = [self.cells[i] for i in kept]
-        self.origin = [self.origin[i] for i in kept]
         self.points = [self.points[i] for i in kept]
         self.last = replace(self.last, mode=[], follows=[self.last.follows[i] for i in kept])
 
@@ -1503,31 +1455,21 @@ class MotionField:
         own_cells = [self.cell(pivot) for pivot in self.pivot]
         self.points = merged(rows, self.points, [gather(cell, own_cells) for cell in cells])
         self.cells = merged(rows, self.cells, cells)
-        self.origin = merged(rows, self.origin, [None] * len(births))
         follows = merged(rows, self.last.follows, [False] * len(births))
         self.last = replace(self.last, mode=[], follows=follows)
 
     def decode(self, fields: Fields, block_log2: int) -> MotionSymbols:
         """6.3, 14.3; moves the control points."""
-        compensation, num_coded = fields.u8(), fields.uvarint()
-        require(compensation <= 1)
-        self.spread, temporal_weight = None, 0
-        if compensation == 0:
-            temporal_weight = fields.u8()
-        else:
-            self.spread = (fields.uvarint(), fields.svarint())
-            require(1 <= self.spread[0] <= 128 and abs(self.spread[1]) <= 28)
+        num_coded, temporal_weight = fields.uvarint(), fields.u8()
         steps = (fields.uvarint(), fields.uvarint())
         require(num_coded <= len(self.pivot) and temporal_weight <= 4)
-        require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= (2**24 if self.spread else 2**18))
+        require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= 2**18)
         streams = open_streams(fields, 2)
         mode, follows = self._followers(next(streams), block_log2)
         symbols = self._symbols(next(streams), num_coded, steps, temporal_weight)
         require(next(streams, None) is None)
         self.last = MotionSymbols(mode, follows, symbols)
-        self.steps = steps
-        if self.spread is None:
-            self._move(symbols, temporal_weight, steps)
+        self._move(symbols, temporal_weight, steps)
         return self.last
 
     def _followers(self, stream: RangeDecoder, block_log2: int) -> tuple[Row, list[bool]]:
@@ -1550,24 +1492,18 @@ class MotionField:
     ) -> Matrix:
         """14.3."""
         rows = sorted(range(num_coded), key=lambda k: self.gaussian[k])
-        symbols = [[0] * 7 for _ in self.pivot]
-        num_columns = 3
-        if steps[1] > 0:
-            num_columns = 7 if self.spread else 6
+        symbols = [[0] * 6 for _ in self.pivot]
+        num_columns = 6 if steps[1] > 0 else 3
         if num_coded == 0:
             return symbols
-        if self.spread is None:
-            columns = self._gathered_columns(stream, rows, (num_columns, steps, temporal_weight))
-        else:
-            hint = [size(self.last.symbols[k]) for k in rows]
-            columns = control_columns(stream, num_coded, hint, num_columns)
+        columns = self._columns(stream, rows, (num_columns, steps, temporal_weight))
         for c, column in enumerate(columns):
             for k, s in zip(rows, column, strict=True):
                 require(abs(s) <= 2 * STATE_LIMIT // steps[min(c // 3, 1)])
                 symbols[k][c] = s
         return symbols
 
-    def _gathered_columns(
+    def _columns(
         self, stream: RangeDecoder, rows: Row, coding: tuple[int, tuple[int, int], int]
     ) -> Iterator[Row]:
         """14.3; `coding` is the number of columns, the steps and `temporal_weight`."""
@@ -1652,13 +1588,7 @@ class MotionField:
             self.matrices[k] = matrix(self.v[k])
 
     def carry(self, reference: State, follows: list[bool]) -> State:
-        """14.5, or 14.7."""
-        if self.spread is not None:
-            steps = [self.steps[0]] * 3 + [self.steps[1]] * 4
-            motions = [
-                [s * step for s, step in zip(symbols, steps, strict=True)] for symbols in self.last.symbols
-            ]
-            return self.spread_motions(reference, follows, motions, self.spread)
+        """14.5."""
         planes = dict(reference.planes)
         positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
         for i, point in enumerate(self.points):
@@ -1675,38 +1605,8 @@ class MotionField:
         planes[POSITION], planes[ROTATION] = positions, rotations
         return State(planes, reference.order)
 
-    def _neighbours(self, k: int, spread: tuple[int, int]) -> list[tuple[int, int]]:
-        """14.7: of a control point; they stay for the GoF."""
-        if (k, *spread) not in self._found:
-            cell = self.first_cells[self.gaussian[k]]
-            self._found[(k, *spread)] = neighbours(cell, self.first_cells, *spread)
-        return self._found[(k, *spread)]
-
-    def spread_motions(
-        self, reference: State, follows: list[bool], motions: Matrix, spread: tuple[int, int]
-    ) -> State:
-        """14.7, with the seven components of each control point."""
-        total = [[0] * 7 for _ in self.first_cells]
-        for k, m in enumerate(motions):
-            for i, weight in self._neighbours(k, spread):
-                total[i] = [a + weight * b for a, b in zip(total[i], m, strict=True)]
-        planes = dict(reference.planes)
-        positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
-        for i, origin in enumerate(self.origin):
-            if origin is None or not follows[i]:
-                continue
-            received = [round_shift(value, 16) for value in total[origin]]
-            positions[i] = [clip(positions[i][c] + received[c], -STATE_LIMIT, STATE_LIMIT) for c in range(3)]
-            r = [rotations[i][c] + clip(received[3 + c], -(2**24), 2**24) for c in range(4)]
-            if any(received[3:]) and any(r):
-                rotations[i] = normalise(r)
-        planes[POSITION], planes[ROTATION] = positions, rotations
-        return State(planes, reference.order)
-
     def learn(self, reference: Matrix, decoded: Matrix) -> None:
-        """14.6, from positions; nothing is learnt where motion was spread."""
-        if self.spread is not None:
-            return
+        """14.6, from positions."""
         for i, point in enumerate(self.points):
             if self.last.follows[i]:
                 actual = [a - b for a, b in zip(decoded[i], reference[i], strict=True)]
@@ -1724,16 +1624,6 @@ class MotionField:
             [clip(x + d, -STATE_LIMIT, STATE_LIMIT) for x, d in zip(*pair, strict=True)]
             for pair in zip(self.pivot, self.t, strict=True)
         ]
-
-
-def control_columns(stream: RangeDecoder, num_coded: int, hint: Row, num_columns: int) -> Iterator[Row]:
-    """14.3."""
-    residuals: Matrix = []
-    for _ in range(num_columns):
-        sources = [[abs(r) for r in residual] for residual in residuals] + [hint]
-        value, residual = predicted_component(stream, Lods(num_coded), residuals, sources)
-        yield value
-        residuals.append(residual)
 
 
 def zeros(count: int) -> Matrix:
@@ -1797,6 +1687,7 @@ class Gof:
         self._intra = self.state.positions
         self.normalisation = Normalisation(self._intra)
         self._motion: MotionField | None = None
+        self._spreading: Spreading | None = None
 
     @property
     def motion(self) -> MotionField:
@@ -1804,6 +1695,13 @@ class Gof:
         if self._motion is None:
             self._motion = MotionField(self._intra, self.control, self.prior)
         return self._motion
+
+    @property
+    def spreading(self) -> Spreading:
+        """The same of profile PAPER (16.6)."""
+        if self._spreading is None:
+            self._spreading = Spreading(self._intra, self.control)
+        return self._spreading
 
     @property
     def points(self) -> list[Gathered]:
@@ -2059,11 +1957,11 @@ def hyper_latents(stream: RangeDecoder, model: FrozenModel, n: int) -> Matrix:
 
 
 def latent_motions(
-    model: FrozenModel, motion: MotionField, prior: Priors, payloads: tuple[Fields | None, Fields]
+    model: FrozenModel, gaussian: Row, prior: Priors, payloads: tuple[Fields | None, Fields]
 ) -> tuple[Matrix, tuple[int, int]]:
-    """6.5, 16.4: m, and what 14.7 spreads with."""
+    """6.5, 16.4: m, and what 16.6 spreads with."""
     hyper, fields = payloads
-    n = len(motion.gaussian)
+    n = len(gaussian)
     h = [[0] * 16] * n
     if hyper is not None:
         stream = RangeDecoder(hyper.data)
@@ -2074,7 +1972,7 @@ def latent_motions(
     require(num_coded == n and -4 <= step_log2 <= 6)
     require(1 <= spread[0] <= 128 and abs(spread[1]) <= 28)
     stream = RangeDecoder(fields.raw(len(fields.data) - fields.place))
-    u = [model.network("fusion", h[k] + prior.of(motion.gaussian[k])) for k in range(n)]
+    u = [model.network("fusion", h[k] + prior.of(gaussian[k])) for k in range(n)]
     scales = [clip(((c + 32) >> 6) - 6 * step_log2, 0, 159) for row in u for c in row[16:]]
     values = stream.residuals(scales, {scale: GAUSSIAN * 160 + scale for scale in range(160)})
     stream.finish()
@@ -2089,7 +1987,7 @@ def latent_motions(
 
 
 def motion_of_output(m: Row, size: int) -> Row:
-    """16.5: in the units of 14.7."""
+    """16.5."""
     m = [shift_left(c, size - 16) for c in m[:3]] + [c << 8 for c in m[3:]]
     return [clip(c, -2 * STATE_LIMIT, 2 * STATE_LIMIT) for c in m]
 
@@ -2108,6 +2006,72 @@ def refined(planes: dict[int, Matrix], changes: Matrix, sequence: Sequence) -> d
         ]
         start = stop
     return planes
+
+
+#: 16.6
+DECAY = [
+    *(16773120, 16769026, 16760840, 16744480, 16711808, 16646655, 16517109, 16261035),
+    *(15760736, 14805841, 13066109, 10175896, 6171993, 2270549, 307285, 5628),
+]
+
+
+def decayed(x: int) -> int:
+    if x >= 2**16:
+        return 0
+    r = 2**24
+    for b in range(16):
+        if x >> b & 1:
+            r = round_shift(r * DECAY[b], 24)
+    return r
+
+
+def neighbours(cell: Row, cells: Matrix, num_neighbours: int, decay_exponent: int) -> list[tuple[int, int]]:
+    """16.6: Gaussians of the I-frame and their weights."""
+    squared = [squared_distance(cell, other) for other in cells]
+    nearest = sorted(range(len(cells)), key=lambda i: (squared[i], i))[: min(num_neighbours, len(cells))]
+    shift = decay_exponent + 8
+    distance = [math.isqrt(squared[i] << 8) for i in nearest]
+    beyond = [d - distance[0] for d in distance]
+    left = [decayed(b << shift if shift >= 0 else b >> -shift) for b in beyond]
+    weight = [(v << 16) // sum(left) for v in left]
+    weight[0] += 2**16 - sum(weight)
+    return list(zip(nearest, weight, strict=True))
+
+
+class Spreading:
+    """16.6: control points of a GoF, and over whom they spread their motion."""
+
+    def __init__(self, positions: Matrix, control: ControlHeader) -> None:
+        middle = positions[len(positions) // 2]
+        self.cells = [
+            [clip((a - b) >> control.shift, -(2**20), 2**20) for a, b in zip(p, middle, strict=True)]
+            for p in positions
+        ]
+        self.gaussian = farthest(self.cells, min(max(1, len(positions) // control.spacing), 16384))
+        self._found: dict[tuple[int, int], list[list[tuple[int, int]]]] = {}
+
+    def _neighbours(self, spread: tuple[int, int]) -> list[list[tuple[int, int]]]:
+        """Of each control point; they stay for the GoF."""
+        if spread not in self._found:
+            self._found[spread] = [neighbours(self.cells[i], self.cells, *spread) for i in self.gaussian]
+        return self._found[spread]
+
+    def moved(self, reference: State, motions: Matrix, spread: tuple[int, int]) -> State:
+        """With the seven components of each control point."""
+        total = [[0] * 7 for _ in self.cells]
+        for m, found in zip(motions, self._neighbours(spread), strict=True):
+            for i, weight in found:
+                total[i] = [a + weight * b for a, b in zip(total[i], m, strict=True)]
+        planes = dict(reference.planes)
+        positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
+        for i, row in enumerate(total):
+            received = [round_shift(value, 16) for value in row]
+            positions[i] = [clip(positions[i][c] + received[c], -STATE_LIMIT, STATE_LIMIT) for c in range(3)]
+            r = [rotations[i][c] + clip(received[3 + c], -(2**24), 2**24) for c in range(4)]
+            if any(received[3:]) and any(r):
+                rotations[i] = normalise(r)
+        planes[POSITION], planes[ROTATION] = positions, rotations
+        return State(planes, reference.order)
 
 
 # --- 17 the frozen prior of profile MAIN ------------------------------------------------------------------
@@ -2418,8 +2382,8 @@ def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof | None, 
         return frame_hash, None, False
     has_permutation, has_escapes = bool(fields.u8()), fields.u8()
     require(has_escapes <= (1 if kind == 1 else 0))
-    control = ControlHeader(fields.u8(), fields.uvarint(), fields.u8())
-    require(control.rule in (0, 1) and control.spacing >= 1 and control.shift <= 31)
+    control = ControlHeader(fields.uvarint(), fields.u8())
+    require(control.spacing >= 1 and control.shift <= 31)
     require(min(n // control.spacing, 16384) <= (4096 if sequence.level == 1 else 16384))
     coding = (sequence.exponents, has_permutation)
     if kind == 1:
@@ -2591,10 +2555,10 @@ class Decoder:
             if "hyper_synthesis" in model.networks:
                 hyper = self._following(0x21, frame_index)
             fields = self._following(0x22, frame_index)
-            motions, spread = latent_motions(model, gof.motion, prior, (hyper, fields))
-            n, size = len(reference.positions), gof.normalisation.size
+            motions, spread = latent_motions(model, gof.spreading.gaussian, prior, (hyper, fields))
+            size = gof.normalisation.size
             in_units = [motion_of_output(m, size) for m in motions]
-            gof.state = gof.motion.spread_motions(reference, [True] * n, in_units, spread)
+            gof.state = gof.spreading.moved(reference, in_units, spread)
         if tools & REFINEMENT:
             changes = [model.network("refinement", prior.of(i)) for i in range(len(reference.positions))]
             gof.state = State(refined(gof.state.planes, changes, self.sequence), gof.state.order)

@@ -38,8 +38,6 @@ from dfcgs_codec.bitstream import constants
 from dfcgs_codec.bitstream.constants import (
     Attribute,
     ChunkType,
-    Compensation,
-    ControlRule,
     IntraKind,
     OutputOrder,
     Precision,
@@ -49,7 +47,7 @@ from dfcgs_codec.bitstream.constants import (
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.frame_headers import ControlHeader, Grading, SortGrid
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
-from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
+from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.decoder import SequenceDecoder
@@ -134,8 +132,6 @@ _ENUMS = {
         OutputOrder,
         Precision,
         IntraKind,
-        ControlRule,
-        Compensation,
         Tool,
         Attribute,
         tables.Shape,
@@ -689,9 +685,7 @@ def _random_grid(rng: np.random.Generator) -> SortGrid:
 
 
 def _random_control(rng: np.random.Generator) -> ControlHeader:
-    return ControlHeader(
-        ControlRule(int(rng.integers(2))), int(rng.choice([1, 2, 7, 1000])), int(rng.integers(0, 9))
-    )
+    return ControlHeader(int(rng.choice([1, 2, 7, 1000])), int(rng.integers(0, 9)))
 
 
 def _random_motion(rng: np.random.Generator, before: GofState, block_log2: int) -> MotionTrial | None:
@@ -699,17 +693,13 @@ def _random_motion(rng: np.random.Generator, before: GofState, block_log2: int) 
         return None
     motion = before.motion()
     points, count = motion.field.num_points, before.frame.num_gaussians
-    spread = None
-    if rng.random() < 0.4:
-        spread = SpreadHeader(int(rng.choice([1, 5, 30, 64])), int(rng.integers(-12, 3)))
     header = MotionHeader(
         int(rng.integers(0, points + 1)),
-        int(rng.integers(0, 5)) if spread is None else 0,
+        int(rng.integers(0, 5)),
         int(rng.integers(1, 300)),
-        int(rng.choice([0, 1, 900] if spread is None else [0, 9, 700_000])),
-        spread,
+        int(rng.choice([0, 1, 900])),
     )
-    control = rng.integers(-9, 10, (points, 7)) * (rng.random((points, 7)) < rng.random())
+    control = rng.integers(-9, 10, (points, 6)) * (rng.random((points, 6)) < rng.random())
     control[header.num_coded :] = 0
     control[:, header.num_columns :] = 0
     follows = rng.random(count) < rng.choice([0.0, 0.5, 1.0])
@@ -860,7 +850,7 @@ def _as_text_reads(arrays: dict[str, np.ndarray]) -> dict[str, Any]:
         (2, 2, (), {"refinement": RefinementMode.ON, "latent_step": 0.5, "control_spacing": 9}),
         (3, 3, ("hyper_synthesis", "grid_context"), {"latent_step": 8, "num_neighbours": 5, "qp": 40}),
         (4, 1, ("appearance",), {"refinement": RefinementMode.ON, "intra": IntraKind.PLY, "gof_size": 2}),
-        (5, 1, ("refinement",), {"control_rule": ControlRule.STRIDE, "latent_step": 1 / 16, "qp": 8}),
+        (5, 1, ("refinement",), {"latent_step": 1 / 16, "qp": 8}),
     ],
 )
 def test_networks(
@@ -917,7 +907,6 @@ def _waving(frames: list[GaussianCloud]) -> list[GaussianCloud]:
 
 
 _MOVING: dict[str, Any] = {"motion": MotionMode.ON, "control_spacing": 15}
-_SPREAD: dict[str, Any] = {**_MOVING, "compensation": Compensation.SPREAD}
 #: frames, and options of the encoder
 PRIOR_SEQUENCES: dict[str, tuple[Callable[[], list[GaussianCloud]], dict[str, Any]]] = {
     "tracked": (lambda: helpers.drifting(helpers.real_cloud(300), 4), {}),
@@ -932,8 +921,6 @@ PRIOR_SEQUENCES: dict[str, tuple[Callable[[], list[GaussianCloud]], dict[str, An
     "verbatim": (lambda: helpers.all_changing(helpers.make_cloud(100), 3), {"intra": IntraKind.PLY}),
     "motion": (lambda: _waving(helpers.still(_small(300), 5)), _MOVING),
     "motion and change": (lambda: _waving(helpers.all_changing(_small(400, 1), 4)), _MOVING),
-    "spread": (lambda: _waving(helpers.all_changing(_small(300, 1), 4)), _SPREAD),
-    "spread, births and deaths": (lambda: helpers.succeeding(_small(300), 4), _SPREAD),
     "births and deaths": (lambda: helpers.succeeding(_small(600), 4), {"control_spacing": 20}),
     "lost order": (
         lambda: helpers.succeeding(_small(300, 1), 4, shuffle=True),
@@ -1069,7 +1056,6 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("num_gaussians", b"\xff\xff\x7f"), "limit"),
         (_patched("has_permutation", b"\2"), "limit"),
         (_patched("has_permutation", b"\0"), "corrupt"),
-        (_patched("control_rule", b"\2"), "unsupported"),
         (_patched("control_spacing", b"\0"), "corrupt"),
         (_patched("control_shift", bytes([32])), "limit"),
         (_patched("sort_shift", bytes([32])), "limit"),
@@ -1086,7 +1072,6 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("tools", b"\x15"), "corrupt"),
         (_patched("visibility_level of POSITION", b"\x80\0"), "corrupt"),
         (_patched("num_coded", b"\4"), "limit"),
-        (_patched("compensation", b"\2"), "unsupported"),
         (_patched("temporal_weight", b"\5"), "limit"),
         (_patched("translation_step", b"\0"), "corrupt"),
         (_patched("attribute_mask", b"\x25"), "corrupt"),

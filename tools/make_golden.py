@@ -30,8 +30,6 @@ from dfcgs_codec.bitstream.constants import (
     STATE_LIMIT,
     Attribute,
     ChunkType,
-    Compensation,
-    ControlRule,
     IntraKind,
     OutputOrder,
     Profile,
@@ -153,16 +151,8 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "graded_over_gof_borders": (_waving(400, 5), EncoderOptions(gof_size=2, control_spacing=20)),
         "motion": (_waving(900, 4), EncoderOptions(control_spacing=20)),
-        "motion_by_stride": (
-            _waving(600, 3),
-            EncoderOptions(control_rule=ControlRule.STRIDE, control_spacing=30, qp=20),
-        ),
         "motion_after_verbatim": (_waving(300, 3), EncoderOptions(intra=IntraKind.PLY, control_spacing=10)),
         "motion_only": (_waving(300, 4), EncoderOptions(motion=MotionMode.ONLY, control_spacing=12)),
-        "spread_motion": (
-            helpers.succeeding(_minute(400), 4),
-            EncoderOptions(compensation=Compensation.SPREAD, motion=MotionMode.ON, control_spacing=15),
-        ),
         "births_and_deaths": (helpers.succeeding(_minute(600), 4), EncoderOptions(control_spacing=20)),
         "lost_order_topology": (
             helpers.succeeding(_minute(400, 1), 4, shuffle=True),
@@ -174,16 +164,16 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "topology_after_verbatim": (
             helpers.succeeding(_minute(200), 3),
-            EncoderOptions(intra=IntraKind.PLY, control_rule=ControlRule.STRIDE, control_spacing=9),
+            EncoderOptions(intra=IntraKind.PLY, control_spacing=9),
         ),
         "paper": (helpers.swaying(helpers.real_cloud(900), 4), PAPER),
         "paper_coarse_sh3": (
             helpers.swaying(helpers.make_cloud(400, 3), 3, 0.8),
             replace(PAPER, latent_step=2, control_spacing=60, num_neighbours=24),
         ),
-        "paper_fine_by_stride": (
+        "paper_fine": (
             helpers.swaying(helpers.make_cloud(500), 7, 0.3),
-            replace(PAPER, latent_step=0.25, control_rule=ControlRule.STRIDE, control_spacing=60, gof_size=5),
+            replace(PAPER, latent_step=0.25, control_spacing=60, gof_size=5),
         ),
         "paper_refined": (
             helpers.swaying(helpers.real_cloud(400), 3),

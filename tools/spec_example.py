@@ -23,8 +23,6 @@ from dfcgs_codec.bitstream.constants import (
     MODEL_HASH_BYTES,
     Attribute,
     ChunkType,
-    Compensation,
-    ControlRule,
     IntraKind,
     OutputOrder,
     Precision,
@@ -92,7 +90,7 @@ _STEPS = {
     Attribute.OPACITY: 512,
     Attribute.SH_DC: 512,
 }
-_CONTROL = ControlHeader(ControlRule.STRIDE, spacing=1, shift=1)
+_CONTROL = ControlHeader(spacing=1, shift=1)
 _MOTION = MotionHeader(num_coded=1, temporal_weight=0, translation_step=2, turn_step=4096)
 _CONTROL_SYMBOLS = [[1, -1, 0, 0, 0, 2], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]
 _FOLLOWS = [False, True, False]
@@ -255,7 +253,6 @@ def _intra_frame(trace: _Tracer) -> None:
     trace.number("uvarint", "num_gaussians")
     permuted = trace.number("u8", "has_permutation")
     trace.number("u8", "has_escapes")
-    trace.number("u8", "control_rule", lambda v: f"{v} {ControlRule(v).name}")
     trace.number("uvarint", "control_spacing")
     trace.number("u8", "control_shift")
     trace.number("u8", "sort_shift")
@@ -285,7 +282,6 @@ def _inter_frame(trace: _Tracer) -> list[str]:
 
 
 def _motion_chunk(trace: _Tracer) -> None:
-    trace.number("u8", "compensation", lambda v: f"{v} {Compensation(v).name}")
     trace.number("uvarint", "num_coded")
     trace.number("u8", "temporal_weight")
     trace.number("uvarint", "translation_step")

@@ -22,7 +22,6 @@ PYTHON = {
     "--fps": "frame_rate",
     "--bound": "bounds",
     "--psnr": "quality",
-    "--control-points": "control_rule",
     "--control-neighbours": "num_neighbours",
     "--profile main": 'profile="main"',
     "--profile paper": 'profile="paper"',

@@ -293,19 +293,6 @@ def test_motion_can_be_left_out(frames_dir: Path, tmp_path: Path) -> None:
     assert chunks["on"]["MOTION"] > 0
 
 
-def test_the_papers_compensation(frames_dir: Path, tmp_path: Path) -> None:
-    target = tmp_path / "paper.dgs"
-    options = ("--compensation", "paper", "--motion", "only", "--control-spacing", "10")
-    done = dfcgs("encode", frames_dir, target, *options, "--verify", "--quiet")
-    assert done.returncode == 0, done.stderr
-    info = json.loads(dfcgs("info", target, "--json").stdout)
-    assert "only/spread" in info["encoder_info"]
-    count = info["frames"][0]["num_gaussians"]
-    assert [frame["control_points"] for frame in info["frames"][1:]] == [count // 10] * (
-        len(info["frames"]) - 1
-    )
-
-
 def test_values_that_the_input_has_quantised_are_kept(tmp_path: Path) -> None:
     cloud = real_cloud(1200)
     rest = (np.rint(cloud.sh_rest * 8) / 8).astype(np.float32)

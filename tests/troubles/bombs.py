@@ -14,7 +14,7 @@ from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, Tool
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, SortGrid, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
-from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
+from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.activity import DENSE, AttributeActivity, InterSymbols, num_blocks, num_inter_columns
@@ -111,11 +111,10 @@ def _streams(writers: list[SymbolWriter]) -> bytes:
 
 @dataclass(frozen=True)
 class Kind:
-    """What each P-frame asks for: symbols, motion of all control points, perhaps spread, new Gaussians."""
+    """What each P-frame asks for: symbols, motion of all control points, new Gaussians."""
 
     residual: bool = False
     motion: bool = False
-    spread: SpreadHeader | None = None
     births: int = 0
 
 
@@ -153,7 +152,7 @@ class Crafted:
         moved = None
         if kind.motion:
             tools.add(Tool.MOTION)
-            moved, payload = self._motion(kind.spread)
+            moved, payload = self._motion()
             parts.append((ChunkType.MOTION, payload))
         steps = dict.fromkeys(self._attributes, 1) if kind.residual else {}
         symbols = InterSymbols()
@@ -182,10 +181,10 @@ class Crafted:
         self._state = self._state.survivors(kept, _BLOCK_LOG2)
         return births, _bytes(header) + _streams(writers)
 
-    def _motion(self, spread: SpreadHeader | None) -> tuple[MotionSymbols, bytes]:
+    def _motion(self) -> tuple[MotionSymbols, bytes]:
         """All follow control points that stand still."""
         motion, n = self._state.motion(), self._state.frame.num_gaussians
-        header = MotionHeader(motion.field.num_points, 0, 1, 1, spread)
+        header = MotionHeader(motion.field.num_points, 0, 1, 1)
         symbols = MotionSymbols.none(motion.field.num_points, n, num_blocks(n, _BLOCK_LOG2))
         symbols = replace(symbols, modes=symbols.modes + FOLLOW, follows=np.ones(n, np.bool_))
         writers: list[SymbolWriter] = []

@@ -13,9 +13,8 @@ from pathlib import Path
 import pytest
 
 from dfcgs_codec import DecoderLimits, DfcgsError, EncoderOptions, ResourceLimit
-from dfcgs_codec.bitstream.constants import ControlRule, IntraKind
+from dfcgs_codec.bitstream.constants import IntraKind
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
-from dfcgs_codec.bitstream.motion_header import SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from tests.helpers import join_chunks, make_cloud, split_chunks
@@ -71,14 +70,6 @@ BOMBS: dict[str, tuple[Callable[[], bytes], set[str]]] = {
         lambda: repeated(encoded(lattice(3000), EncoderOptions(control_spacing=1)), Kind(motion=True), 15),
         {"", "ResourceLimit"},
     ),
-    "control points that spread": (
-        lambda: repeated(
-            encoded(lattice(2000), EncoderOptions(control_spacing=2)),
-            Kind(motion=True, spread=SpreadHeader(128, 0)),
-            15,
-        ),
-        {"", "ResourceLimit"},
-    ),
     "residuals": (lambda: repeated(encoded(alike(300, 1)), Kind(residual=True), 25), {"", "ResourceLimit"}),
     "new Gaussians": (lambda: repeated(file_of_alike(2000), Kind(births=2000), 25), {"", "ResourceLimit"}),
 }
@@ -131,7 +122,7 @@ def test_control_points_keep_the_level() -> None:
         (1, "control points is 5000, at most 4096"),
         (2, "do not add up"),
     ):
-        control = ControlHeader(ControlRule.STRIDE, spacing, 0)
+        control = ControlHeader(spacing, 0)
         with pytest.raises(DfcgsError, match=error):
             decoded(with_intra(data, num_gaussians=5000, control=control))
 

@@ -24,7 +24,7 @@ from dfcgs_codec import (
     encode_sequence,
     probe,
 )
-from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder, Profile
+from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder, Profile
 from dfcgs_codec.encoder.options import MotionMode, RefinementMode
 from tests.helpers import FIELDS, drifting, make_cloud, write_frames
 
@@ -75,8 +75,6 @@ TAKEN: list[tuple[str, Any, Any]] = [
     ("motion", "off", MotionMode.OFF),
     ("intra", "ply", IntraKind.PLY),
     ("profile", "paper", Profile.PAPER),
-    ("control_rule", "stride", ControlRule.STRIDE),
-    ("compensation", "paper", Compensation.SPREAD),
     ("refinement", "auto", RefinementMode.AUTO),
     ("balance", np.bool_(False), False),
 ]
@@ -119,7 +117,6 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("motion", None, 'one of "auto", "off", "on", "only"'),
     ("motion", False, 'one of "auto", "off", "on", "only"'),
     ("intra", "lossless", 'one of "ply", "coded"'),
-    ("compensation", "spread", 'one of "main", "paper"'),
     ("balance", "off", "True or False"),
     ("exact", 0, "True or False"),
     ("keep_unseen", None, "True or False"),

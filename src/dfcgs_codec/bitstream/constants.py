@@ -99,20 +99,6 @@ class IntraKind(IntEnum):
     CODED = 1
 
 
-class ControlRule(IntEnum):
-    """Which Gaussians of the I-frame are control points (spec section 14.1)."""
-
-    FARTHEST = 0
-    STRIDE = 1
-
-
-class Compensation(IntEnum):
-    """How the Gaussians are carried along with control points (spec sections 14.5, 14.7)."""
-
-    GATHER = 0
-    SPREAD = 1
-
-
 class Tool(IntEnum):
     """What a P-frame may hold besides residuals; the value is the bit in `tools` (spec section 6.1)."""
 

@@ -20,7 +20,6 @@ from dfcgs_codec.bitstream.constants import (
     PROFILE_TOOLS,
     STATE_LIMIT,
     Attribute,
-    ControlRule,
     IntraKind,
     Profile,
     Tool,
@@ -63,31 +62,26 @@ class SortGrid:
 class ControlHeader:
     """Which Gaussians are control points: one for every `spacing` (spec section 14.1)."""
 
-    rule: ControlRule
     spacing: int
     shift: int
 
     def write(self, writer: ByteWriter) -> None:
-        """Rule, spacing, cell shift."""
-        writer.u8(self.rule)
+        """Spacing, cell shift."""
         writer.uvarint(self.spacing)
         writer.u8(self.shift)
 
     @staticmethod
     def read(reader: ByteReader) -> ControlHeader:
-        """Refuses unknown rules, spacing 0, and shifts out of range."""
-        rule = read_enum(ControlRule, reader, "control_rule")
+        """Refuses spacing 0, and shifts out of range."""
         offset = reader.offset
         spacing = read_bounded(reader.uvarint, STATE_LIMIT, "control_spacing", reader)
         if spacing == 0:
             raise CorruptBitstream("control_spacing is 0", offset=offset)
-        return ControlHeader(
-            rule, spacing, read_bounded(reader.u8, MAX_CONTROL_SHIFT, "control_shift", reader)
-        )
+        return ControlHeader(spacing, read_bounded(reader.u8, MAX_CONTROL_SHIFT, "control_shift", reader))
 
 
 #: that of a frame without Gaussians, which says nothing
-NO_CONTROL = ControlHeader(ControlRule.FARTHEST, 1, 0)
+NO_CONTROL = ControlHeader(1, 0)
 
 
 def write_steps(writer: ByteWriter, steps: dict[Attribute, int]) -> None:

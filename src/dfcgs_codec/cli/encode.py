@@ -12,13 +12,13 @@ from typing import Any
 import click
 
 from dfcgs_codec.api import encode_sequence
-from dfcgs_codec.bitstream.constants import ControlRule, Profile
+from dfcgs_codec.bitstream.constants import Profile
 from dfcgs_codec.cli import values as parse
 from dfcgs_codec.cli.outputs import output_file
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.cli.refusal import note_of_limits
 from dfcgs_codec.cli.views import views_beside, views_named, views_note
-from dfcgs_codec.encoder.options import COMPENSATIONS, EncoderOptions, MotionMode, RefinementMode
+from dfcgs_codec.encoder.options import EncoderOptions, MotionMode, RefinementMode
 from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.errors import InputError, VerificationError
@@ -48,8 +48,6 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
         bounds=values["bound"],
         gof_size=values["gof_size"],
         motion=values["motion"],
-        compensation=values["compensation"],
-        control_rule=values["control_points"],
         control_spacing=values["control_spacing"],
         num_neighbours=values["control_neighbours"],
         profile=values["profile"],
@@ -157,20 +155,6 @@ def _summary(report: EncodeReport, target: Path) -> str:
     help="Where control points carry the Gaussians along: auto where that pays; only: and no residual.",
 )
 @click.option(
-    "--compensation",
-    type=click.Choice(list(COMPENSATIONS)),
-    default="main",
-    show_default=True,
-    help="How control points carry the Gaussians along; paper: as D-FCGS does it, for comparison.",
-)
-@click.option(
-    "--control-points",
-    type=click.Choice([rule.name.lower() for rule in ControlRule]),
-    default="farthest",
-    show_default=True,
-    help="How control points are chosen.",
-)
-@click.option(
     "--control-spacing", type=int, default=70, show_default=True, help="Gaussians to a control point."
 )
 @click.option(
@@ -178,7 +162,7 @@ def _summary(report: EncodeReport, target: Path) -> str:
     type=int,
     default=30,
     show_default=True,
-    help="Gaussians that a control point moves, with --compensation paper or --profile paper.",
+    help="Gaussians that a control point moves, with --profile paper.",
 )
 @click.option(
     "--profile",

@@ -34,7 +34,7 @@ class ControlPrior:
 
     @staticmethod
     def of(model: ContextModel, field: MotionField, header: MotionHeader, before: Int64) -> ControlPrior:
-        """Before the symbols of a frame whose motion begins with `header`; `before` (n, 7): the last ones."""
+        """Before the symbols of a frame whose motion begins with `header`; `before` (n, 6): the last ones."""
         expected = np.zeros((field.num_points, NUM_COLUMNS), np.int64)
         history, left = field.history, (1 << TEMPORAL_WEIGHT_BITS) - header.temporal_weight
         scale = left << (MEMORY_BITS - TEMPORAL_WEIGHT_BITS)

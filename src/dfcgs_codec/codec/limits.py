@@ -182,11 +182,10 @@ class FrameCharge:
         """See Budget."""
         self.budget.symbols(self.frame, self.num_gaussians, num_symbols)
 
-    def spread(self, num_points: int, spread: SpreadHeader | None) -> None:
-        """See Budget; nothing where motion is not spread."""
-        if spread is not None:
-            shares = num_points * min(spread.num_neighbours, self.num_gaussians)
-            self.budget.spread(self.frame, self.num_gaussians, shares)
+    def spread(self, num_points: int, spread: SpreadHeader) -> None:
+        """See Budget."""
+        shares = num_points * min(spread.num_neighbours, self.num_gaussians)
+        self.budget.spread(self.frame, self.num_gaussians, shares)
 
     def latents(self, num_points: int) -> None:
         """See Budget."""

@@ -9,19 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.codec.activity import num_blocks
-from dfcgs_codec.codec.component import EarlierPasses, code_component
-from dfcgs_codec.codec.control_context import ControlPrior
+from dfcgs_codec.codec.control_context import NUM_COLUMNS, ControlPrior
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
 from dfcgs_codec.entropy.symbols import Groups, code_with_models
-from dfcgs_codec.transform.lod import order_levels
 
 Bool = npt.NDArray[np.bool_]
 
 #: classes of blocks: all Gaussians stand still, all follow, each has a flag
 STILL, FOLLOW, MIXED = range(3)
 NUM_MODES = 3
-#: symbols of a control point at most: translation, and turn vector or change of a quaternion
-NUM_CONTROL_COLUMNS = 7
 #: modes and follow flags; control points
 NUM_MOTION_STREAMS = 2
 
@@ -30,7 +26,7 @@ NUM_MOTION_STREAMS = 2
 class MotionSymbols:
     """What a MOTION chunk carries.
 
-    `control` int64 (n, 7): symbols of translation and turn, zero for control points and columns without any;
+    `control` int64 (n, 6): symbols of translation and turn, zero for control points and columns without any;
     `modes` int64 (blocks,): STILL, FOLLOW or MIXED; `follows` bool (N,).
     """
 
@@ -46,7 +42,7 @@ class MotionSymbols:
     @staticmethod
     def none(num_points: int, num_gaussians: int, num_blocks: int) -> MotionSymbols:
         """All stand still."""
-        control = np.zeros((num_points, NUM_CONTROL_COLUMNS), np.int64)
+        control = np.zeros((num_points, NUM_COLUMNS), np.int64)
         return MotionSymbols(control, np.zeros(num_blocks, np.int64), np.zeros(num_gaussians, np.bool_))
 
 
@@ -54,14 +50,13 @@ class MotionSymbols:
 class MotionShape:
     """What headers and control points say that the walk needs.
 
-    `coded` (k,): ranks of the control points with symbols, in GoF order; `num_columns` 3, 6 or 7; `prior`:
-    where the rule is GATHER.
+    `coded` (k,): ranks of the control points with symbols, in GoF order; `num_columns` 3 or 6.
     """
 
     coded: Int64
     num_columns: int
     block_log2: int
-    prior: ControlPrior | None = None
+    prior: ControlPrior
 
 
 def classify_modes(follows: Bool, block_log2: int) -> Int64:
@@ -95,20 +90,6 @@ def _code_follows(coder: SymbolCoder, follows: Bool | None, mode: Int64, before:
     return result
 
 
-def _code_control(coder: SymbolCoder, target: Int64 | None, before: Int64, num_columns: int) -> Int64:
-    """Symbols (k, 7) of control points in GoF order; `before` (k, 7): their last symbols."""
-    count = len(before)
-    if not count:
-        return np.zeros((0, NUM_CONTROL_COLUMNS), np.int64)
-    lod = order_levels(count)
-    earlier = EarlierPasses(count, hints=[np.abs(before).sum(axis=1)])
-    result = np.zeros((count, NUM_CONTROL_COLUMNS), np.int64)
-    for column in range(num_columns):
-        given = None if target is None else target[:, column]
-        result[:, column] = code_component(coder, given, lod, earlier)
-    return result
-
-
 def code_motion(
     next_coder: Callable[[], SymbolCoder],
     symbols: MotionSymbols | None,
@@ -121,13 +102,10 @@ def code_motion(
     block = np.arange(len(history.follows)) >> shape.block_log2
     given = None if symbols is None else symbols.follows
     follows = _code_follows(coder, given, modes[block], history.follows)
-    control = np.zeros((len(history.control), NUM_CONTROL_COLUMNS), np.int64)
+    control = np.zeros((len(history.control), NUM_COLUMNS), np.int64)
     target = None if symbols is None else symbols.control[shape.coded]
     before = history.control[shape.coded]
     coder = next_coder()
-    if shape.prior is None or not len(before):
-        control[shape.coded] = _code_control(coder, target, before, shape.num_columns)
-    else:
-        coded = shape.prior.code(coder, target, shape.coded, before, shape.num_columns)
-        control[shape.coded, : shape.num_columns] = coded
+    coded = shape.prior.code(coder, target, shape.coded, before, shape.num_columns)
+    control[shape.coded, : shape.num_columns] = coded
     return MotionSymbols(control, modes, follows)

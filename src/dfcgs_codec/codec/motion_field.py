@@ -13,17 +13,12 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_LIMIT, ControlRule
+from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_LIMIT
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.binding import Binding
 from dfcgs_codec.codec.reconstruct import scaled
-from dfcgs_codec.transform.control_points import (
-    distinct_points,
-    farthest_points,
-    gather_from,
-    stride_points,
-)
+from dfcgs_codec.transform.control_points import farthest_points, gather_from
 from dfcgs_codec.transform.rigid import RigidMotion
 from dfcgs_codec.transform.rotation import STEREO_ONE
 
@@ -44,12 +39,20 @@ def level_starts(count: int) -> list[int]:
     return [*starts[:-1], count]
 
 
+def control_points(cells: Int64, control: ControlHeader) -> Int64:
+    """Which of the I-frame's Gaussians, at `cells` (N, 3), are control points (n,), coarse to fine.
+
+    One for every `spacing` Gaussians, at least one.
+    """
+    return farthest_points(cells, min(max(1, len(cells) // control.spacing), MAX_CONTROL_POINTS))
+
+
 @dataclass(frozen=True)
 class MotionHistory:
     """What the frames before did, by control point; all int64.
 
     `translations`, `vectors` (n, 3): how the last motion differed from its prediction by coarser points;
-    `symbols` (n, 7): the last symbols.
+    `symbols` (n, 6): the last symbols.
     """
 
     translations: Int64
@@ -69,7 +72,7 @@ def _rest(count: int) -> MotionHistory:
     return MotionHistory(nothing, nothing, np.zeros((count, 6), np.int64))
 
 
-#: gives the symbols (rows, 6 or 7) of control points `rows`, told their expected translations and turns
+#: gives the symbols (rows, 6) of control points `rows`, told their expected translations and turns
 SymbolSource = Callable[[slice, Int64, Int64], Int64]
 
 
@@ -101,12 +104,8 @@ class MotionField:
 
     @staticmethod
     def of(positions: Int64, cells: Int64, control: ControlHeader) -> MotionField:
-        """Control points of I-frame `positions` (N, 3): one for every `spacing` Gaussians, at least one."""
-        count = min(max(1, len(positions) // control.spacing), MAX_CONTROL_POINTS)
-        if control.rule == ControlRule.FARTHEST:
-            points = farthest_points(cells, count)
-        else:
-            points = distinct_points(cells, stride_points(len(positions), count))
+        """Control points of I-frame `positions` (N, 3)."""
+        points = control_points(cells, control)
         chosen = cells[points]
         starts = level_starts(len(points))
         parents = [

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import Attribute, Compensation, OutputOrder
+from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
 from dfcgs_codec.bitstream.frame_headers import Grading
 from dfcgs_codec.codec.activity import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.gof_state import GofState
@@ -36,7 +36,6 @@ from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTria
 from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.reference import InputFrame
-from dfcgs_codec.encoder.spread_motion import spread_header, spread_motion
 from dfcgs_codec.encoder.targets import ordered
 from dfcgs_codec.transform.rotation import round_divide
 
@@ -218,6 +217,4 @@ class InterCoder:
             mode != MotionMode.ONLY,
             state.model,
         )
-        if self._plan.options.compensation == Compensation.SPREAD:
-            return spread_motion(motion_task, spread_header(self._plan, state.motion().field.num_points))
         return choose_motion(motion_task)

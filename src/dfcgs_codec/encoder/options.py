@@ -15,8 +15,6 @@ from dfcgs_codec.bitstream.constants import (
     MAX_LATENT_STEP_LOG2,
     MAX_NEIGHBOURS,
     MIN_LATENT_STEP_LOG2,
-    Compensation,
-    ControlRule,
     IntraKind,
     OutputOrder,
     Profile,
@@ -72,10 +70,6 @@ class RefinementMode(Enum):
     ON = "on"
 
 
-#: how the command line and Python call the rules that carry Gaussians along
-COMPENSATIONS = {"main": Compensation.GATHER, "paper": Compensation.SPREAD}
-
-
 class Bounds(
     OptionField[tuple[Bound, ...], Mapping[str, float] | Iterable[Bound | tuple[str, float]] | None]
 ):
@@ -105,18 +99,16 @@ class EncoderOptions:
     """Settings of one encode; InputError for a value of the wrong kind or out of range, by its name.
 
     Numbers may be numpy's; choices are their names in small letters, as the command line takes them
-    (`order="input"`, `motion="off"`, `intra="ply"`, `profile="paper"`, `compensation="paper"`), or members of
-    their enumerations; `frame_rate` may be 30, 29.97, "30000/1001" or a Fraction; `bounds` a mapping such
-    as `{"position": 0.001}`.
+    (`order="input"`, `motion="off"`, `intra="ply"`, `profile="paper"`), or members of their enumerations;
+    `frame_rate` may be 30, 29.97, "30000/1001" or a Fraction; `bounds` a mapping such as
+    `{"position": 0.001}`.
 
     `quality`: PSNR of images in dB, or "low", "medium", "high" or "transparent" (32, 37, 42 and 50 dB): the
     encoder estimates it and chooses the QP; `qp` 0 (finest) to 51, the step doubles every 6, None: by the
     quality; `bounds` replace the steps of their attributes and guarantee a maximum error; `gof_size` frames
     at most from one I-frame to the next, None: the encoder chooses, 60 at most; `keep_axes` leaves the order
     and signs of each
-    Gaussian's axes as they were; `compensation` SPREAD ("paper") is the paper's rule, with control points
-    moved as they are, each one's motion spread over `num_neighbours` Gaussians (K); one control point for
-    `control_spacing` Gaussians (M of the paper);
+    Gaussian's axes as they were; one control point for `control_spacing` Gaussians (M of the paper);
     `visibility`: steps are coarser for what shows less; `balance`: steps of attributes follow what they show
     in the first frame; `exact`: values that the
     input has quantised are kept as they are, where that is smaller;
@@ -127,8 +119,9 @@ class EncoderOptions:
     `intra_zero_bin` is that of I-frames; `model_id` names another model than the profile's own; `jobs`
     processes, None: one for each core.
 
-    With `profile` PAPER P-frames have motion by the model's network and nothing else: `latent_step` is the
-    paper's q', a power of two, and a `gof_size` of None means its 10 frames.
+    With `profile` PAPER P-frames have motion by the model's network and nothing else, that of each control
+    point spread over `num_neighbours` Gaussians (the paper's K): `latent_step` is its q', a power of two, and
+    a `gof_size` of None means its 10 frames.
     """
 
     quality: NamedReal = NamedReal(QUALITIES["medium"], QUALITIES)
@@ -141,8 +134,6 @@ class EncoderOptions:
     zero_bin: Real = Real(0.6)
     keep_axes: Switch = Switch(False)
     motion: Choice[MotionMode] = Choice(MotionMode.AUTO)
-    compensation: Choice[Compensation] = Choice(Compensation.GATHER, COMPENSATIONS)
-    control_rule: Choice[ControlRule] = Choice(ControlRule.FARTHEST)
     control_spacing: Whole = Whole(70)
     num_neighbours: Whole = Whole(30)
     profile: Choice[Profile] = Choice(Profile.MAIN)
@@ -180,14 +171,9 @@ class EncoderOptions:
             f"--latent-step {self.latent_step}: a power of two, 1/16 to 64, was expected": (
                 MIN_LATENT_STEP_LOG2 <= _log2(self.latent_step) <= MAX_LATENT_STEP_LOG2
             ),
-            "--motion, --compensation, --steps, --balance and --exact belong to --profile main": (
+            "--motion, --steps, --balance and --exact belong to --profile main": (
                 self.profile == Profile.MAIN
-                or (
-                    (self.motion, self.compensation) == (MotionMode.AUTO, Compensation.GATHER)
-                    and self.visibility
-                    and self.balance
-                    and self.exact
-                )
+                or (self.motion == MotionMode.AUTO and self.visibility and self.balance and self.exact)
             ),
             f"--views-margin {self.views_margin}: 0 to {_MAX_VIEWS_MARGIN} was expected": (
                 0 <= self.views_margin <= _MAX_VIEWS_MARGIN
@@ -195,9 +181,9 @@ class EncoderOptions:
             "--views and --keep-unseen belong to --profile main": (
                 self.profile == Profile.MAIN or not (self.views or self.keep_unseen)
             ),
-            "--latent-step and --refinement belong to --profile paper": (
+            "--latent-step, --refinement and --control-neighbours belong to --profile paper": (
                 self.profile == Profile.PAPER
-                or (self.latent_step, self.refinement) == (1.0, RefinementMode.AUTO)
+                or (self.latent_step, self.refinement, self.num_neighbours) == (1.0, RefinementMode.AUTO, 30)
             ),
             "--bound with --profile paper: its P-frames have no residual, so that no error can be bounded": (
                 not self.bounds or self.profile == Profile.MAIN
@@ -224,12 +210,11 @@ class EncoderOptions:
         """The settings in one line, for the file's encoder information; `qp` as it was chosen."""
         if self.profile == Profile.PAPER:
             return self._describe_paper(qp)
-        motion = self.motion.value + ("/spread" if self.compensation == Compensation.SPREAD else "")
         bounds = "".join(f" bound {bound.attribute}={bound.value:g}" for bound in self.bounds)
         return (
             f"dfcgs-codec {__version__} {self._asked}qp={qp:g} gof_size={self.gof_size or 'auto'}"
             f" model={self.model}"
-            f" motion={motion} control={self.control_rule.name.lower()}/{self.control_spacing}"
+            f" motion={self.motion.value} control={self.control_spacing}"
             f" steps={self._steps}{'' if self.exact else ' exact=off'}{self._seen}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}{bounds}"
         )
@@ -254,7 +239,7 @@ class EncoderOptions:
         return (
             f"dfcgs-codec {__version__} profile=paper model={self.model} {self._asked}qp={qp:g}"
             f" gof_size={self.gof_size or PAPER_GOF_SIZE} latent_step={self.latent_step:g}"
-            f" control={self.control_rule.name.lower()}/{self.control_spacing}"
+            f" control={self.control_spacing}"
             f" neighbours={self.num_neighbours} refinement={self.refinement.value}"
             f" intra={self.intra.name.lower()} order={self.order.name.lower()}"
         )

@@ -78,7 +78,7 @@ class SequencePlan:
     def gof_setup(self) -> GofSetup:
         """Units, and how control points are chosen: a cell is about as wide as a position step."""
         shift = self.steps[Attribute.POSITION].bit_length() - 1
-        control = ControlHeader(self.options.control_rule, self.options.control_spacing, shift)
+        control = ControlHeader(self.options.control_spacing, shift)
         return GofSetup(control, self.quantisation.units, self.context_model)
 
     @property

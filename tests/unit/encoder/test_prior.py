@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
-from dfcgs_codec.bitstream.constants import Compensation, Profile
+from dfcgs_codec.bitstream.constants import Profile
 from dfcgs_codec.codec.activity import AttributeActivity
 from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.errors import ModelMismatch
@@ -48,10 +48,6 @@ def sequences() -> dict[str, tuple[list[GaussianCloud], dict]]:
         "births": (succeeding(small(400), 5), MOVING),
         "few": (all_changing(make_cloud(5), 3), {}),
         "many": (drifting(make_cloud(2500), 3), {"gof_size": 2}),
-        "spread": (
-            [waving(small(300), 0.1 * i) for i in range(3)],
-            {**MOVING, "compensation": Compensation.SPREAD},
-        ),
         "uniform": (all_changing(make_cloud(100, 1), 3), {"visibility": False}),
     }
 
