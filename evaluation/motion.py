@@ -28,7 +28,6 @@ _DEFAULT = "default"
 #: options of `dfcgs encode` by variant
 VARIANTS: dict[str, list[str]] = {
     "no motion": ["--motion", "off"],
-    "motion in every frame": ["--motion", "on"],
     "no residual": ["--motion", "only"],
     "uniform steps": ["--steps", "uniform"],
     "M = 35": ["--control-spacing", "35"],
@@ -37,11 +36,9 @@ VARIANTS: dict[str, list[str]] = {
 }
 #: what no option leaves out is left out in the encoder's process: statements before it runs
 PATCHES = {
-    "all control points or none": "motion_choice.level_starts = lambda n: [0, n]",
     "translation only": (
         "steps = motion_choice.motion_steps; motion_choice.motion_steps = lambda task: (steps(task)[0], 0)"
     ),
-    "no temporal prediction": "motion_choice._TEMPORAL_WEIGHTS = (0,)",
 }
 #: scenes without anything to predict
 _WITHOUT_MOTION = ("plant_bend_untracked",)
@@ -87,7 +84,6 @@ def compare(default: list[Figures], rows: list[Figures]) -> Figures:
     return found | {
         "frame_types": medium["frame_types"],
         "bytes_by_attribute": medium["bytes_by_attribute"],
-        "control_points": medium.get("control_points"),
     }
 
 

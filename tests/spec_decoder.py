@@ -1460,16 +1460,14 @@ class MotionField:
 
     def decode(self, fields: Fields, block_log2: int) -> MotionSymbols:
         """6.3, 14.3; moves the control points."""
-        num_coded, temporal_weight = fields.uvarint(), fields.u8()
         steps = (fields.uvarint(), fields.uvarint())
-        require(num_coded <= len(self.pivot) and temporal_weight <= 4)
         require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= 2**18)
         streams = open_streams(fields, 2)
         mode, follows = self._followers(next(streams), block_log2)
-        symbols = self._symbols(next(streams), num_coded, steps, temporal_weight)
+        symbols = self._symbols(next(streams), steps)
         require(next(streams, None) is None)
         self.last = MotionSymbols(mode, follows, symbols)
-        self._move(symbols, temporal_weight, steps)
+        self._move(symbols, steps)
         return self.last
 
     def _followers(self, stream: RangeDecoder, block_log2: int) -> tuple[Row, list[bool]]:
@@ -1487,31 +1485,25 @@ class MotionField:
                 follows[i] = flag == 1
         return mode, follows
 
-    def _symbols(
-        self, stream: RangeDecoder, num_coded: int, steps: tuple[int, int], temporal_weight: int
-    ) -> Matrix:
+    def _symbols(self, stream: RangeDecoder, steps: tuple[int, int]) -> Matrix:
         """14.3."""
-        rows = sorted(range(num_coded), key=lambda k: self.gaussian[k])
+        rows = sorted(range(len(self.pivot)), key=lambda k: self.gaussian[k])
         symbols = [[0] * 6 for _ in self.pivot]
         num_columns = 6 if steps[1] > 0 else 3
-        if num_coded == 0:
-            return symbols
-        columns = self._columns(stream, rows, (num_columns, steps, temporal_weight))
+        columns = self._columns(stream, rows, (num_columns, steps))
         for c, column in enumerate(columns):
             for k, s in zip(rows, column, strict=True):
                 require(abs(s) <= 2 * STATE_LIMIT // steps[min(c // 3, 1)])
                 symbols[k][c] = s
         return symbols
 
-    def _columns(
-        self, stream: RangeDecoder, rows: Row, coding: tuple[int, tuple[int, int], int]
-    ) -> Iterator[Row]:
-        """14.3; `coding` is the number of columns, the steps and `temporal_weight`."""
-        num_columns, steps, temporal_weight = coding
+    def _columns(self, stream: RangeDecoder, rows: Row, coding: tuple[int, tuple[int, int]]) -> Iterator[Row]:
+        """14.3; `coding` is the number of columns and the steps."""
+        num_columns, steps = coding
         model = self.prior
         assert model is not None
-        habits = [self._habit(k, steps, temporal_weight) for k in rows]
-        inputs = [self._prior_inputs(k, len(rows), habit) for k, habit in zip(rows, habits, strict=True)]
+        habits = [self._habit(k, steps) for k in rows]
+        inputs = [self._prior_inputs(k, habit) for k, habit in zip(rows, habits, strict=True)]
         columns: Matrix = []
         residuals: Matrix = []
         for c in range(num_columns):
@@ -1537,13 +1529,12 @@ class MotionField:
             columns.append(value)
             residuals.append(residual)
 
-    def _habit(self, k: int, steps: tuple[int, int], temporal_weight: int) -> Row:
+    def _habit(self, k: int, steps: tuple[int, int]) -> Row:
         """14.3: the expected change in six columns."""
-        left = 4 * (4 - temporal_weight)
-        turns = [h * left // steps[1] if steps[1] > 0 else 0 for h in self.habit_v[k]]
-        return [*(h * left // steps[0] for h in self.habit_t[k]), *turns]
+        turns = [16 * h // steps[1] if steps[1] > 0 else 0 for h in self.habit_v[k]]
+        return [*(16 * h // steps[0] for h in self.habit_t[k]), *turns]
 
-    def _prior_inputs(self, k: int, num_coded: int, habit: Row) -> Row:
+    def _prior_inputs(self, k: int, habit: Row) -> Row:
         """14.3: x."""
         level, stop = self.levels[k]
         x = [16 * level, log(size(self.last.symbols[k])), log(size(habit))]
@@ -1553,7 +1544,7 @@ class MotionField:
         else:
             efforts = [effort >> 4 for effort in point.effort]
             x += [efforts[point.choice], max(efforts) - min(efforts)]
-        x.append(64 if stop >= num_coded else 0)
+        x.append(64 if stop == len(self.pivot) else 0)
         return [min(value, 255) for value in x]
 
     def _displace(self, k: int, x: Row) -> Row:
@@ -1570,16 +1561,14 @@ class MotionField:
     def turns(self, point: Gathered) -> Matrix:
         return point.candidates([self.v[k] for k in point.rank])
 
-    def _move(self, symbols: Matrix, temporal_weight: int, steps: tuple[int, int]) -> None:
+    def _move(self, symbols: Matrix, steps: tuple[int, int]) -> None:
         """14.4."""
         self.translation_step, turn_step = steps
         for k, point in enumerate(self.binding):
-            t = [round_shift(h * temporal_weight, 2) for h in self.habit_t[k]]
-            v = [round_shift(h * temporal_weight, 2) for h in self.habit_v[k]]
+            t, v = [0] * 3, [0] * 3
             if point is not None:
-                displacement = self.displacements(point, self.pivot[k])[point.choice]
-                t = [a + b for a, b in zip(t, displacement, strict=True)]
-                v = [a + b for a, b in zip(v, self.turns(point)[point.choice], strict=True)]
+                t = self.displacements(point, self.pivot[k])[point.choice]
+                v = self.turns(point)[point.choice]
             s, limit = symbols[k], 2 * STATE_LIMIT
             self.t[k] = [clip(t[a] + s[a] * self.translation_step, -limit, limit) for a in range(3)]
             self.v[k] = [0] * 3

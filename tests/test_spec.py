@@ -694,17 +694,14 @@ def _random_motion(rng: np.random.Generator, before: GofState, block_log2: int) 
     motion = before.motion()
     points, count = motion.field.num_points, before.frame.num_gaussians
     header = MotionHeader(
-        int(rng.integers(0, points + 1)),
-        int(rng.integers(0, 5)),
         int(rng.integers(1, 300)),
         int(rng.choice([0, 1, 900])),
     )
     control = rng.integers(-9, 10, (points, 6)) * (rng.random((points, 6)) < rng.random())
-    control[header.num_coded :] = 0
     control[:, header.num_columns :] = 0
     follows = rng.random(count) < rng.choice([0.0, 0.5, 1.0])
     symbols = MotionSymbols(control, classify_modes(follows, block_log2), follows)
-    return MotionTrial(header, symbols, motion.carry(header, symbols, before.frame), 0.0)
+    return MotionTrial(header, symbols, motion.carry(header, symbols, before.frame))
 
 
 def _random_topology(
@@ -906,7 +903,7 @@ def _waving(frames: list[GaussianCloud]) -> list[GaussianCloud]:
     return [helpers.waving(cloud, 0.1 * index) for index, cloud in enumerate(frames)]
 
 
-_MOVING: dict[str, Any] = {"motion": MotionMode.ON, "control_spacing": 15}
+_MOVING: dict[str, Any] = {"control_spacing": 15}
 #: frames, and options of the encoder
 PRIOR_SEQUENCES: dict[str, tuple[Callable[[], list[GaussianCloud]], dict[str, Any]]] = {
     "tracked": (lambda: helpers.drifting(helpers.real_cloud(300), 4), {}),
@@ -1071,8 +1068,6 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("tools", b"\x0d"), "corrupt"),
         (_patched("tools", b"\x15"), "corrupt"),
         (_patched("visibility_level of POSITION", b"\x80\0"), "corrupt"),
-        (_patched("num_coded", b"\4"), "limit"),
-        (_patched("temporal_weight", b"\5"), "limit"),
         (_patched("translation_step", b"\0"), "corrupt"),
         (_patched("attribute_mask", b"\x25"), "corrupt"),
         (_patched("block_log2", b"\2"), "limit"),

@@ -91,7 +91,7 @@ _STEPS = {
     Attribute.SH_DC: 512,
 }
 _CONTROL = ControlHeader(spacing=1, shift=1)
-_MOTION = MotionHeader(num_coded=1, temporal_weight=0, translation_step=2, turn_step=4096)
+_MOTION = MotionHeader(translation_step=2, turn_step=4096)
 _CONTROL_SYMBOLS = [[1, -1, 0, 0, 0, 2], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]
 _FOLLOWS = [False, True, False]
 #: the position of the second Gaussian, whose alpha is lower, has coarser steps
@@ -162,7 +162,7 @@ def _motion(intra: frame_coding.CodedFrame) -> MotionTrial:
     motion = intra.state.motion()
     follows = np.array(_FOLLOWS)
     symbols = MotionSymbols(np.array(_CONTROL_SYMBOLS, np.int64), np.array([MIXED]), follows)
-    return MotionTrial(_MOTION, symbols, motion.carry(_MOTION, symbols, intra.state.frame), 0.0)
+    return MotionTrial(_MOTION, symbols, motion.carry(_MOTION, symbols, intra.state.frame))
 
 
 def build() -> bytes:
@@ -282,8 +282,6 @@ def _inter_frame(trace: _Tracer) -> list[str]:
 
 
 def _motion_chunk(trace: _Tracer) -> None:
-    trace.number("uvarint", "num_coded")
-    trace.number("u8", "temporal_weight")
     trace.number("uvarint", "translation_step")
     trace.number("uvarint", "turn_step")
     _streams(trace, ["who follows", "control points"])

@@ -184,7 +184,7 @@ class Crafted:
     def _motion(self) -> tuple[MotionSymbols, bytes]:
         """All follow control points that stand still."""
         motion, n = self._state.motion(), self._state.frame.num_gaussians
-        header = MotionHeader(motion.field.num_points, 0, 1, 1)
+        header = MotionHeader(1, 1)
         symbols = MotionSymbols.none(motion.field.num_points, n, num_blocks(n, _BLOCK_LOG2))
         symbols = replace(symbols, modes=symbols.modes + FOLLOW, follows=np.ones(n, np.bool_))
         writers: list[SymbolWriter] = []

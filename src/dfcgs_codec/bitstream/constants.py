@@ -43,8 +43,6 @@ MAX_BLOCK_LOG2 = 12
 MAX_CONTROL_POINTS = 1 << 14
 #: log2 of the grid units of a cell that control points are chosen on
 MAX_CONTROL_SHIFT = 31
-#: the temporal weight of motion is in quarters
-MAX_TEMPORAL_WEIGHT = 4
 #: Gaussians that a control point's motion is spread over
 MAX_NEIGHBOURS = 128
 #: log2 of the step q' of motion latents

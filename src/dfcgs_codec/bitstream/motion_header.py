@@ -8,7 +8,6 @@ from dfcgs_codec.bitstream.constants import (
     MAX_DECAY_EXPONENT,
     MAX_LATENT_STEP_LOG2,
     MAX_NEIGHBOURS,
-    MAX_TEMPORAL_WEIGHT,
     MIN_LATENT_STEP_LOG2,
     STATE_LIMIT,
     STEREO_FRACTION_BITS,
@@ -50,15 +49,11 @@ class SpreadHeader:
 
 @dataclass(frozen=True)
 class MotionHeader:
-    """How the control points' motion is coded.
+    """Steps of the control points' motion.
 
-    `num_coded` control points have symbols; `temporal_weight` quarters of what the last motion added to its
-    prediction are expected again. Translation steps are in grid units; turn steps, 0 where nothing turns, in
-    2**-18 of a turn vector.
+    Those of translations are in grid units, those of turns in 2**-18 of a turn vector; 0: nothing turns.
     """
 
-    num_coded: int
-    temporal_weight: int
     translation_step: int
     turn_step: int
 
@@ -69,27 +64,24 @@ class MotionHeader:
 
     @property
     def num_columns(self) -> int:
-        """Symbols of a coded control point."""
+        """Symbols of a control point."""
         return 6 if self.is_rigid else 3
 
     def write(self, writer: ByteWriter) -> None:
-        """All fields in order."""
-        writer.uvarint(self.num_coded)
-        writer.u8(self.temporal_weight)
+        """Both fields."""
         writer.uvarint(self.translation_step)
         writer.uvarint(self.turn_step)
 
     @staticmethod
-    def read(reader: ByteReader, num_points: int) -> MotionHeader:
-        """Refuses more coded control points than the GoF has, and a translation step of 0."""
-        num_coded = read_bounded(reader.uvarint, num_points, "num_coded", reader)
-        weight = read_bounded(reader.u8, MAX_TEMPORAL_WEIGHT, "temporal_weight", reader)
+    def read(reader: ByteReader) -> MotionHeader:
+        """Refuses steps beyond their grids, and a translation step of 0."""
         offset = reader.offset
         translation = read_bounded(reader.uvarint, STATE_LIMIT, "translation_step", reader)
         if translation == 0:
             raise CorruptBitstream("translation_step is 0", offset=offset)
-        turn = read_bounded(reader.uvarint, 1 << STEREO_FRACTION_BITS, "turn_step", reader)
-        return MotionHeader(num_coded, weight, translation, turn)
+        return MotionHeader(
+            translation, read_bounded(reader.uvarint, 1 << STEREO_FRACTION_BITS, "turn_step", reader)
+        )
 
 
 @dataclass(frozen=True)

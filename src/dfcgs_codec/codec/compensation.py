@@ -123,10 +123,10 @@ class GofMotion:
 
     def shape(self, header: MotionHeader, block_log2: int, model: ContextModel | None) -> MotionShape:
         """What the symbol walk needs; `model`: the frozen prior of the sequence."""
-        coded = np.argsort(self.field.gaussians[: header.num_coded], kind="stable")
+        order = np.argsort(self.field.gaussians, kind="stable")
         assert model is not None
         prior = ControlPrior.of(model, self.field, header, self.symbols.control)
-        return MotionShape(coded, header.num_columns, block_log2, prior)
+        return MotionShape(order, header.num_columns, block_log2, prior)
 
     def history(self, block_log2: int) -> MotionSymbols:
         """The last motion symbols, modes zero where blocks were others."""
@@ -162,7 +162,7 @@ class GofMotion:
         old, new = (state.planes[Attribute.POSITION].values.take(gathered.rows, axis=0) for state in states)
         actual = new.T.astype(np.float64) - old.T
         learnt = gathered.binding.learn(gathered.moves, actual, gathered.step)
-        field = self.field.after(gathered.field_motion, symbols.control, gathered.step)
+        field = self.field.after(gathered.field_motion, gathered.step)
         return replace(
             self, field=field, binding=self.binding.with_rows(gathered.rows, learnt), symbols=symbols
         )

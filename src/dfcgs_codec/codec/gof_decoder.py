@@ -268,7 +268,7 @@ def _read_motion(
     reader: ByteReader, state: GofState, block_log2: int, charge: FrameCharge
 ) -> tuple[Carried, MotionSymbols]:
     motion = state.motion()
-    header = MotionHeader.read(reader, motion.field.num_points)
+    header = MotionHeader.read(reader)
     streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)), charge.symbols)
     shape = motion.shape(header, block_log2, state.model)
     symbols = code_motion(streams.next, None, motion.history(block_log2), shape)

@@ -26,7 +26,7 @@ NUM_MOTION_STREAMS = 2
 class MotionSymbols:
     """What a MOTION chunk carries.
 
-    `control` int64 (n, 6): symbols of translation and turn, zero for control points and columns without any;
+    `control` int64 (n, 6): symbols of translation and turn, zero where nothing turns;
     `modes` int64 (blocks,): STILL, FOLLOW or MIXED; `follows` bool (N,).
     """
 
@@ -50,10 +50,10 @@ class MotionSymbols:
 class MotionShape:
     """What headers and control points say that the walk needs.
 
-    `coded` (k,): ranks of the control points with symbols, in GoF order; `num_columns` 3 or 6.
+    `order` (n,): ranks of the control points, in GoF order; `num_columns` 3 or 6.
     """
 
-    coded: Int64
+    order: Int64
     num_columns: int
     block_log2: int
     prior: ControlPrior
@@ -102,10 +102,9 @@ def code_motion(
     block = np.arange(len(history.follows)) >> shape.block_log2
     given = None if symbols is None else symbols.follows
     follows = _code_follows(coder, given, modes[block], history.follows)
-    control = np.zeros((len(history.control), NUM_COLUMNS), np.int64)
-    target = None if symbols is None else symbols.control[shape.coded]
-    before = history.control[shape.coded]
-    coder = next_coder()
-    coded = shape.prior.code(coder, target, shape.coded, before, shape.num_columns)
-    control[shape.coded, : shape.num_columns] = coded
+    order, num_columns = shape.order, shape.num_columns
+    control = np.zeros((len(order), NUM_COLUMNS), np.int64)
+    target = None if symbols is None else symbols.control[order]
+    before = history.control[order]
+    control[order, :num_columns] = shape.prior.code(next_coder(), target, order, before, num_columns)
     return MotionSymbols(control, modes, follows)

@@ -32,7 +32,7 @@ from dfcgs_codec.encoder.frame_coding import (
 )
 from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.identity import Members, Succession
-from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
+from dfcgs_codec.encoder.motion_choice import MotionTask, MotionTrial, choose_motion
 from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
 from dfcgs_codec.encoder.reference import InputFrame
@@ -40,11 +40,6 @@ from dfcgs_codec.encoder.targets import ordered
 from dfcgs_codec.transform.rotation import round_divide
 
 Int64 = npt.NDArray[np.int64]
-
-#: motion that seems to save less than this share of the bits is compared with none for real
-_SURE_SHARE = 0.15
-#: and where it was better, it is trusted in so many frames more
-_TRUSTED_FRAMES = 4
 
 
 @dataclass(frozen=True)
@@ -58,17 +53,13 @@ class Births:
 
 @dataclass(frozen=True)
 class InterTask:
-    """A P-frame to be coded: `target` of the survivors, what it was `before`, the `state` they are in.
-
-    `hint`: what motion was best before.
-    """
+    """A P-frame to be coded: `target` of the survivors, what it was `before`, the `state` they are in."""
 
     index: int
     target: Planes
     before: Planes
     state: GofState
     births: Births | None
-    hint: MotionHint | None
 
 
 class InterCoder:
@@ -77,37 +68,18 @@ class InterCoder:
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
         self._quantisation, self._slack_share = plan.quantisation, SLACK
-        self._trusted = 0
         self._grading: Grading | None = None
         self._known_slack: tuple[Visibility, dict[Attribute, npt.NDArray[np.int64]]] | None = None
         self._known_levels: tuple[Visibility, dict[Attribute, int]] | None = None
 
     def begin(self, grading: Grading | None) -> None:
         """A GoF begins; `grading` of its I-frame, if it is graded."""
-        self._grading, self._known_slack, self._trusted = grading, None, 0
+        self._grading, self._known_slack = grading, None
 
-    def code(self, task: InterTask, finer: float = 0.0) -> tuple[CodedFrame, MotionHint | None]:
-        """With motion or without, whichever is smaller, and what motion was best.
-
-        Steps are `finer` by so many octaves than planned.
-        """
+    def code(self, task: InterTask, finer: float = 0.0) -> CodedFrame:
+        """With motion where it seems to pay; steps are `finer` by so many octaves than planned."""
         self._quantisation, self._slack_share = self._plan.quantisation.finer(finer), SLACK * 2.0**-finer
-        trial = self._motion(task)
-        coded = self._coded(task, trial)
-        if trial is not None and trial.saved < _SURE_SHARE and self._plan.options.motion == MotionMode.AUTO:
-            coded = self._better(task, coded)
-        return coded, None if trial is None else trial.hint
-
-    def _better(self, task: InterTask, moved: CodedFrame) -> CodedFrame:
-        """The frame as `moved`, or without motion, whichever is smaller; only now and then both are tried."""
-        if self._trusted:
-            self._trusted -= 1
-            return moved
-        still = self._coded(task, None)
-        if len(still.data) < len(moved.data):
-            return still
-        self._trusted = _TRUSTED_FRAMES
-        return moved
+        return self._coded(task, self._motion(task))
 
     def births(self, succession: Succession, frame: InputFrame, state: GofState) -> Births | None:
         """The change of topology since `state`, or None where all go on."""
@@ -200,7 +172,6 @@ class InterCoder:
         changed = np.logical_or(*(nonzero_rows(task.target[a] - task.before[a]) for a in moving))
         if not changed.any():
             return None
-        steps, forced = self._quantisation.steps, mode in (MotionMode.ON, MotionMode.ONLY)
         state = task.state
         levels = self._levels(state.visibility)
         multipliers = state.visibility.all_multipliers({a: levels[a] for a in moving if a in levels})
@@ -209,11 +180,9 @@ class InterCoder:
             state.frame,
             task.target,
             changed,
-            steps,
+            self._quantisation.steps,
             BLOCK_LOG2,
             multipliers,
-            forced,
-            task.hint,
             mode != MotionMode.ONLY,
             state.model,
         )

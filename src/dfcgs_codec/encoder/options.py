@@ -54,8 +54,6 @@ class MotionMode(Enum):
     AUTO = "auto"
     #: residual alone
     OFF = "off"
-    #: motion in every frame that changes, whether it pays or not, and residual
-    ON = "on"
     #: motion alone, no residual: drifts away from the input
     ONLY = "only"
 

@@ -25,7 +25,6 @@ from dfcgs_codec.bitstream.constants import (
     MAX_OPACITY_EXPONENT,
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
-    MAX_TEMPORAL_WEIGHT,
     MAX_THIN_EXPONENT,
     MAX_THIN_OCTAVES,
     MIN_BLOCK_LOG2,
@@ -131,8 +130,6 @@ CONTROLS = st.builds(
 )
 MOTION_HEADERS = st.builds(
     MotionHeader,
-    st.integers(0, 50),
-    st.integers(0, MAX_TEMPORAL_WEIGHT),
     st.integers(1, STATE_LIMIT),
     st.integers(0, 1 << STEREO_FRACTION_BITS),
 )
@@ -209,7 +206,7 @@ STRUCTURES: dict[str, tuple[st.SearchStrategy[Any], Callable[[ByteReader, Any], 
     "PaperInterHeader": (PAPER_INTER_HEADERS, lambda r, _: InterHeader.read(r, PAPER)),
     "LatentHeader": (LATENT_HEADERS, lambda r, _: LatentHeader.read(r)),
     "SpreadHeader": (SPREAD_HEADERS, lambda r, _: SpreadHeader.read(r)),
-    "MotionHeader": (MOTION_HEADERS, lambda r, _: MotionHeader.read(r, 50)),
+    "MotionHeader": (MOTION_HEADERS, lambda r, _: MotionHeader.read(r)),
     "Index": (indices(), lambda r, _: Index.read(r, SMALL)),
     "End": (st.builds(End, LENGTHS), lambda r, _: End.read(r)),
 }
@@ -508,16 +505,14 @@ def test_a_frame_that_repeats_its_reference_takes_18_bytes() -> None:
 @pytest.mark.parametrize(
     ("header", "error", "words"),
     [
-        (MotionHeader(11, 0, 4, 2), LimitExceeded, "num_coded"),
-        (MotionHeader(5, MAX_TEMPORAL_WEIGHT + 1, 4, 2), LimitExceeded, "temporal_weight"),
-        (MotionHeader(5, 0, 0, 2), CorruptBitstream, "translation_step is 0"),
-        (MotionHeader(5, 0, STATE_LIMIT + 1, 2), LimitExceeded, "translation_step"),
-        (MotionHeader(5, 0, 4, (1 << STEREO_FRACTION_BITS) + 1), LimitExceeded, "turn_step"),
+        (MotionHeader(0, 2), CorruptBitstream, "translation_step is 0"),
+        (MotionHeader(STATE_LIMIT + 1, 2), LimitExceeded, "translation_step"),
+        (MotionHeader(4, (1 << STEREO_FRACTION_BITS) + 1), LimitExceeded, "turn_step"),
     ],
 )
 def test_motion_header_refuses(header: MotionHeader, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
-        MotionHeader.read(ByteReader(write(header)), 10)
+        MotionHeader.read(ByteReader(write(header)))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ import pytest
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.bitstream.constants import Profile
 from dfcgs_codec.codec.activity import AttributeActivity
-from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.errors import ModelMismatch
 from dfcgs_codec.model import registry
 from tests.context_models import random_prior
@@ -25,7 +24,7 @@ from tests.helpers import (
     waving,
 )
 
-MOVING = {"motion": MotionMode.ON, "control_spacing": 15}
+MOVING = {"control_spacing": 15}
 
 
 @pytest.fixture(autouse=True)
