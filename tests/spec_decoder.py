@@ -746,8 +746,8 @@ class Activity:
         return Activity(change(self.symbols), [0] * num_blocks, [0] * num_blocks, change(self.memory))
 
 
-def num_blocks(n: int, block_log2: int) -> int:
-    return -(-n >> block_log2)
+def num_blocks(n: int) -> int:
+    return -(-n >> 6)
 
 
 def remember(memory: Row, symbols: Row) -> Row:
@@ -768,16 +768,14 @@ def magnitudes(stream: RangeDecoder, model: PriorModel, density: Row, before: Ro
     return magnitude
 
 
-def inter_attribute(
-    stream: RangeDecoder, gof: Lods, density_beside: Row, block_log2: int, prior: Prior
-) -> Activity:
+def inter_attribute(stream: RangeDecoder, gof: Lods, density_beside: Row, prior: Prior) -> Activity:
     """12."""
     before, model = prior.before, prior.model
     contexts = [4 * d + e for d, e in zip(before.density, density_beside, strict=True)]
     density = stream.grouped(contexts, model.densities)
     magnitude = magnitudes(stream, model, density, before.magnitude)
     n, num_columns = len(before.symbols), len(before.symbols[0])
-    block = [i >> block_log2 for i in range(n)]
+    block = [i >> 6 for i in range(n)]
     densities = [density[b] for b in block]
     classes = [(before.density[b], density[b], magnitude[b]) for b in block]
     inputs = [prior.common(i, classes[i]) if densities[i] else [] for i in range(n)]
@@ -1458,26 +1456,26 @@ class MotionField:
         follows = merged(rows, self.last.follows, [False] * len(births))
         self.last = replace(self.last, mode=[], follows=follows)
 
-    def decode(self, fields: Fields, block_log2: int) -> MotionSymbols:
+    def decode(self, fields: Fields) -> MotionSymbols:
         """6.3, 14.3; moves the control points."""
         steps = (fields.uvarint(), fields.uvarint())
         require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= 2**18)
         streams = open_streams(fields, 2)
-        mode, follows = self._followers(next(streams), block_log2)
+        mode, follows = self._followers(next(streams))
         symbols = self._symbols(next(streams), steps)
         require(next(streams, None) is None)
         self.last = MotionSymbols(mode, follows, symbols)
         self._move(symbols, steps)
         return self.last
 
-    def _followers(self, stream: RangeDecoder, block_log2: int) -> tuple[Row, list[bool]]:
+    def _followers(self, stream: RangeDecoder) -> tuple[Row, list[bool]]:
         n = len(self.points)
         before, followed = self.last.mode, self.last.follows
-        if len(before) != num_blocks(n, block_log2):
-            before = [0] * num_blocks(n, block_log2)
+        if len(before) != num_blocks(n):
+            before = [0] * num_blocks(n)
         mode = stream.grouped(before, stream.read_histograms(occurring(before), 3))
-        follows = [mode[i >> block_log2] == 1 for i in range(n)]
-        rows = [i for i in range(n) if mode[i >> block_log2] == 2]
+        follows = [mode[i >> 6] == 1 for i in range(n)]
+        rows = [i for i in range(n) if mode[i >> 6] == 2]
         if rows:
             contexts = [int(followed[i]) for i in rows]
             flags = stream.grouped(contexts, stream.read_histograms(occurring(contexts), 2))
@@ -1700,7 +1698,7 @@ class Gof:
     def _anchored(self, anchors: Matrix) -> None:
         self.anchors, self.lods = anchors, Lods(len(anchors), anchors)
 
-    def keep(self, kept: Row, block_log2: int) -> None:
+    def keep(self, kept: Row) -> None:
         """15.2."""
         if len(kept) == len(self.anchors):
             return
@@ -1715,14 +1713,14 @@ class Gof:
         self._anchored([self.anchors[i] for i in kept])
         self.cover = [self.cover[i] for i in kept]
         for attribute, activity in self.history.items():
-            count = num_blocks(len(kept), block_log2)
+            count = num_blocks(len(kept))
             self.history[attribute] = activity.of(lambda rows: [rows[i] for i in kept], count)
 
-    def settle(self, topology: Topology, block_log2: int) -> None:
+    def settle(self, topology: Topology) -> None:
         """15.4: births and places."""
         rows = [Place(False, i) for i in range(len(self.anchors))]
         if topology.births is not None:
-            rows = self._insert(topology.births, block_log2)
+            rows = self._insert(topology.births)
         expected = list(range(len(rows)))
         if self.state.order is not None:
             survivors = self.state.order
@@ -1733,7 +1731,7 @@ class Gof:
             self.state.order = [a + b for a, b in zip(topology.places, expected, strict=True)]
             require(sorted(self.state.order) == list(range(len(rows))))
 
-    def _insert(self, births: Intra, block_log2: int) -> list[Place]:
+    def _insert(self, births: Intra) -> list[Place]:
         born = births.state.positions
         rows = interleaved(self.motion.cells, [self.motion.cell(position) for position in born])
         self.motion.insert(born, rows)
@@ -1743,7 +1741,7 @@ class Gof:
         self._anchored(merged(rows, self.anchors, anchors))
         self.cover = merged(rows, self.cover, births.cover)
         for attribute, activity in self.history.items():
-            count = num_blocks(len(rows), block_log2)
+            count = num_blocks(len(rows))
             self.history[attribute] = activity.of(
                 lambda old: merged(rows, old, [[0] * len(old[0]) for _ in born]), count
             )
@@ -2495,7 +2493,6 @@ class Decoder:
             and mask < 1 << len(self.sequence.attributes)
         )
         require(mask > 0 or not tools & VISIBILITY)
-        block_log2 = fields.u8() if tools or mask else 3
         steps = {attribute: fields.uvarint() for attribute in attributes}
         levels = {attribute: fields.svarint() for attribute in attributes if tools & VISIBILITY}
         require(all(abs(level) <= STATE_LIMIT for level in levels.values()))
@@ -2507,22 +2504,22 @@ class Decoder:
         if tools & TOPOLOGY:
             n = len(gof.state.positions)
             topology = topology_chunk(self._following(0x23, frame_index), self.sequence, n)
-            gof.keep(topology.kept, block_log2)
+            gof.keep(topology.kept)
         reference = gof.state.positions
         if tools & MOTION:
-            motion = gof.motion.decode(self._following(0x22, frame_index), block_log2)
+            motion = gof.motion.decode(self._following(0x22, frame_index))
             gof.state = gof.motion.carry(gof.state, motion.follows)
         activity: dict[int, Activity] = {}
         frame_steps = Steps(steps, levels, self.sequence.exponents, gof.cover)
         if mask:
             fields = self._following(0x24, frame_index)
-            activity = residual(fields, gof, frame_steps, (block_log2, motion))
+            activity = residual(fields, gof, frame_steps, motion)
         gof.history = activity
         gof.state = reconstruct_inter(activity, frame_steps, gof.state)
         if motion:
             gof.motion.learn(reference, gof.state.positions)
         if topology:
-            gof.settle(topology, block_log2)
+            gof.settle(topology)
         if tools & ESCAPE:
             self._escape(frame_index, gof)
         return frame_hash
@@ -2556,13 +2553,10 @@ class Decoder:
         return frame_hash
 
 
-def residual(
-    fields: Fields, gof: Gof, steps: Steps, coding: tuple[int, MotionSymbols | None]
-) -> dict[int, Activity]:
-    """6.4; `coding` is block_log2 and what moves, if the frame has the tool MOTION."""
-    block_log2, motion = coding
+def residual(fields: Fields, gof: Gof, steps: Steps, motion: MotionSymbols | None) -> dict[int, Activity]:
+    """6.4; `motion`: if the frame has that tool."""
     n = len(gof.state.positions)
-    count = num_blocks(n, block_log2)
+    count = num_blocks(n)
 
     def nothing(num_columns: int) -> Activity:
         memory = [[0] * (1 + num_columns) for _ in range(n)]
@@ -2577,11 +2571,11 @@ def residual(
     streams = open_streams(fields, len(attributes))
     for attribute, stream in zip(attributes, streams, strict=True):
         before = gof.history.get(attribute)
-        if before is None or len(before.density) != count:
+        if before is None:
             before = nothing(3 if attribute == ROTATION else COLUMNS[attribute])
         coarseness = steps.coarseness(attribute, gof.state)
         prior = replace(prior, attribute=attribute, before=before, coarseness=coarseness)
-        activity[attribute] = inter_attribute(stream, gof.lods, beside, block_log2, prior)
+        activity[attribute] = inter_attribute(stream, gof.lods, beside, prior)
         beside = activity[attribute].density
     return activity
 

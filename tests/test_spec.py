@@ -49,7 +49,7 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader, Grading, SortGrid
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
-from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
+from dfcgs_codec.codec.activity import BLOCK_LOG2, AttributeActivity, InterSymbols
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.graded_intra import GradedTarget
@@ -651,11 +651,9 @@ class _FlaggedActivity(AttributeActivity):
         return super().significant() | self.flagged
 
 
-def _inter_symbols(
-    rng: np.random.Generator, planes: list[Attribute], count: int, block_log2: int
-) -> InterSymbols:
+def _inter_symbols(rng: np.random.Generator, planes: list[Attribute], count: int) -> InterSymbols:
     activity: dict[Attribute, AttributeActivity] = {}
-    block = np.arange(count) >> block_log2
+    block = np.arange(count) >> BLOCK_LOG2
     for attribute in planes:
         if rng.random() < 0.3:
             continue
@@ -688,7 +686,7 @@ def _random_control(rng: np.random.Generator) -> ControlHeader:
     return ControlHeader(int(rng.choice([1, 2, 7, 1000])), int(rng.integers(0, 9)))
 
 
-def _random_motion(rng: np.random.Generator, before: GofState, block_log2: int) -> MotionTrial | None:
+def _random_motion(rng: np.random.Generator, before: GofState) -> MotionTrial | None:
     if rng.random() < 0.3:
         return None
     motion = before.motion()
@@ -700,7 +698,7 @@ def _random_motion(rng: np.random.Generator, before: GofState, block_log2: int) 
     control = rng.integers(-9, 10, (points, 6)) * (rng.random((points, 6)) < rng.random())
     control[:, header.num_columns :] = 0
     follows = rng.random(count) < rng.choice([0.0, 0.5, 1.0])
-    symbols = MotionSymbols(control, classify_modes(follows, block_log2), follows)
+    symbols = MotionSymbols(control, classify_modes(follows), follows)
     return MotionTrial(header, symbols, motion.carry(header, symbols, before.frame))
 
 
@@ -773,20 +771,18 @@ def _random_intra(
 def _random_inter(
     rng: np.random.Generator, index: int, attributes: list[Attribute], before: frame_coding.CodedFrame
 ) -> frame_coding.CodedFrame:
-    # blocks of 16 and of 32 are the same number for a few Gaussians, and history goes on
-    block_log2 = int(rng.choice([3, 4, 5], p=[0.7, 0.2, 0.1]))
     present = attributes if rng.random() < 0.8 else []
     change = _random_topology(rng, before.state, attributes)
     state = before.state
     if change is not None:
-        state = state.survivors(change.kept, block_log2)
-    symbols = _inter_symbols(rng, present, state.frame.num_gaussians, block_log2)
+        state = state.survivors(change.kept)
+    symbols = _inter_symbols(rng, present, state.frame.num_gaussians)
     steps = {attribute: int(rng.integers(1, 3000)) for attribute in attributes}
-    trial = _random_motion(rng, state, block_log2)
+    trial = _random_motion(rng, state)
     levels = {}
     if rng.random() < 0.6:
         levels = {attribute: int(rng.integers(-500, 500)) for attribute in attributes}
-    coding = frame_coding.ResidualCoding(steps, block_log2, levels)
+    coding = frame_coding.ResidualCoding(steps, levels)
     coded = frame_coding.code_inter_frame(index, symbols, state, coding, trial, change)
     for activity in coded.state.history.activity.values():
         np.clip(activity.magnitude, 0, 23, out=activity.magnitude)
@@ -1070,8 +1066,6 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("visibility_level of POSITION", b"\x80\0"), "corrupt"),
         (_patched("translation_step", b"\0"), "corrupt"),
         (_patched("attribute_mask", b"\x25"), "corrupt"),
-        (_patched("block_log2", b"\2"), "limit"),
-        (_patched("block_log2", b"\x0d"), "limit"),
     ],
 )
 def test_refusals(data: bytes, code: str) -> None:

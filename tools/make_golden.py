@@ -305,7 +305,7 @@ def _refined_alone(data: bytes) -> bytes:
             return chunk
         frame_hash = replace(frames[chunk.frame_index], verbatim=None).hash()
         writer = ByteWriter()
-        InterHeader(frame_hash, frozenset({Tool.REFINEMENT}), 0, {}).write(writer)
+        InterHeader(frame_hash, frozenset({Tool.REFINEMENT}), {}).write(writer)
         return replace(chunk, payload=writer.getvalue())
 
     return _chunks_with(data, rewrite)

@@ -69,7 +69,6 @@ T = TypeVar("T")
 
 _FLAT_BIAS = 5
 _BYTES_PER_LINE = 16
-_BLOCK_LOG2 = 3
 
 _PRIOR = context_model(DEFAULT_PRIOR)
 _HEADER = SequenceHeader(
@@ -96,7 +95,7 @@ _CONTROL_SYMBOLS = [[1, -1, 0, 0, 0, 2], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]
 _FOLLOWS = [False, True, False]
 #: the position of the second Gaussian, whose alpha is lower, has coarser steps
 _LEVELS = {attribute: 0 if attribute == Attribute.POSITION else -1000 for attribute in _STEPS}
-_RESIDUAL = frame_coding.ResidualCoding(_STEPS, _BLOCK_LOG2, _LEVELS)
+_RESIDUAL = frame_coding.ResidualCoding(_STEPS, _LEVELS)
 _GRID = SortGrid(shift=0, bits=2, origin=(-1, 0, 2), has_excess=False)
 _INTRA = {
     Attribute.POSITION: [[-1, 0, 2], [0, 0, 4], [2, 3, 3]],
@@ -272,8 +271,6 @@ def _inter_frame(trace: _Tracer) -> list[str]:
     tools = trace.number("u8", "tools", lambda v: f"{v:#04x}")
     mask = trace.number("u8", "attribute_mask", lambda v: f"{v:#04x}")
     names = [attribute.name for attribute in trace.attributes if mask >> attribute & 1]
-    if mask or tools:
-        trace.number("u8", "block_log2")
     for name in names:
         trace.number("uvarint", f"step of {name}")
     for name in names if tools >> Tool.VISIBILITY & 1 else []:

@@ -46,7 +46,6 @@ print(json.dumps([frames, error, int(peak.split()[1]) / 1024, time.process_time(
 """
 #: no more bytes than this
 MOST_BYTES = 10_000
-_BLOCK_LOG2 = 12
 Part = tuple[int, bytes]
 
 
@@ -164,8 +163,8 @@ class Crafted:
             self._state = replace(self._state, moved=replace(self._state.motion(), symbols=moved))
         if births is not None:
             places = self._state.places_of_births(births)
-            self._state = self._state.with_births(births, places, _BLOCK_LOG2)
-        header = InterHeader(self._state.frame.hash(), frozenset(tools), _BLOCK_LOG2, steps)
+            self._state = self._state.with_births(births, places)
+        header = InterHeader(self._state.frame.hash(), frozenset(tools), steps)
         self._frames.append([(ChunkType.INTER_FRAME, _bytes(header)), *parts])
 
     def _replaced(self, count: int) -> tuple[FrameState | None, bytes]:
@@ -178,33 +177,31 @@ class Crafted:
         target = TopologySymbols(np.arange(1), IntraSymbols(planes))
         units = self._sequence.unit_exponents
         kept, births = code_topology(lambda: _opened(writers), target, header, (n, units))
-        self._state = self._state.survivors(kept, _BLOCK_LOG2)
+        self._state = self._state.survivors(kept)
         return births, _bytes(header) + _streams(writers)
 
     def _motion(self) -> tuple[MotionSymbols, bytes]:
         """All follow control points that stand still."""
         motion, n = self._state.motion(), self._state.frame.num_gaussians
         header = MotionHeader(1, 1)
-        symbols = MotionSymbols.none(motion.field.num_points, n, num_blocks(n, _BLOCK_LOG2))
+        symbols = MotionSymbols.none(motion.field.num_points, n)
         symbols = replace(symbols, modes=symbols.modes + FOLLOW, follows=np.ones(n, np.bool_))
         writers: list[SymbolWriter] = []
-        shape = motion.shape(header, _BLOCK_LOG2, self._model)
-        code_motion(lambda: _opened(writers), symbols, motion.history(_BLOCK_LOG2), shape)
+        shape = motion.shape(header, self._model)
+        code_motion(lambda: _opened(writers), symbols, motion.symbols, shape)
         return symbols, _bytes(header) + _streams(writers)
 
     def _residual(self, moved: MotionSymbols | None) -> tuple[InterSymbols, bytes]:
         """Symbols of all Gaussians, all zero."""
         n = self._state.frame.num_gaussians
-        blocks = num_blocks(n, _BLOCK_LOG2)
+        blocks = num_blocks(n)
         activity = {
-            a: replace(
-                AttributeActivity.none(n, num_inter_columns(a), blocks), density=np.full(blocks, DENSE)
-            )
+            a: replace(AttributeActivity.none(n, num_inter_columns(a)), density=np.full(blocks, DENSE))
             for a in self._attributes
         }
         writers: list[SymbolWriter] = []
         prior, modes = self._state.prior({}, moved), None if moved is None else moved.modes
-        shape = InterShape(self._attributes, n, _BLOCK_LOG2, self._state.levels, prior, modes)
+        shape = InterShape(self._attributes, n, self._state.levels, prior, modes)
         coded = code_inter(lambda: _opened(writers), InterSymbols(activity), self._state.history, shape)
         return coded, _streams(writers)
 

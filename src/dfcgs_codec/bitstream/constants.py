@@ -36,9 +36,6 @@ MAX_THIN_OCTAVES = 8
 MAX_THIN_EXPONENT = -11
 #: streams of a graded I-frame that are no attribute's
 GRADED_STREAMS = ("COVER", "POSITION_BITS")
-#: log2 of the Gaussians in a significance block of a P-frame
-MIN_BLOCK_LOG2 = 3
-MAX_BLOCK_LOG2 = 12
 #: a GoF has at most this many control points, so that a decoder's work stays bounded
 MAX_CONTROL_POINTS = 1 << 14
 #: log2 of the grid units of a cell that control points are chosen on

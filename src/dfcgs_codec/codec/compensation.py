@@ -10,7 +10,7 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
-from dfcgs_codec.codec.activity import nonzero_rows, num_blocks
+from dfcgs_codec.codec.activity import nonzero_rows
 from dfcgs_codec.codec.binding import Binding
 from dfcgs_codec.codec.control_context import ControlPrior
 from dfcgs_codec.codec.dpb import FrameState, Plane
@@ -87,7 +87,7 @@ class GofMotion:
         cells = control_cells(positions, center, control.shift)
         field = MotionField.of(positions, cells, control)
         binding = Binding.of(gather_from(cells, cells[field.gaussians]))
-        symbols = MotionSymbols.none(field.num_points, len(positions), 0)
+        symbols = MotionSymbols.none(field.num_points, len(positions))
         return GofMotion(field, binding, symbols, cells, center, control.shift)
 
     def cells_of(self, positions: Int64) -> Int64:
@@ -102,38 +102,31 @@ class GofMotion:
         """Those of the Gaussians that are there."""
         return self.keys_of(self.cells)
 
-    def survivors(self, kept: Int64, block_log2: int) -> GofMotion:
+    def survivors(self, kept: Int64) -> GofMotion:
         """Without the Gaussians that are not among the rows `kept`."""
         return replace(
             self,
             binding=self.binding.of_rows(kept),
-            symbols=self.symbols.merged(0, kept, block_log2),
+            symbols=self.symbols.merged(0, kept),
             cells=self.cells[kept],
         )
 
-    def with_births(self, cells: Int64, source: Int64, block_log2: int) -> GofMotion:
+    def with_births(self, cells: Int64, source: Int64) -> GofMotion:
         """With Gaussians at `cells`, bound to where control points are now; see `FrameState.merge`."""
         births = Binding.of(gather_from(cells, self.cells_of(self.field.pivots)))
         return replace(
             self,
             binding=self.binding.merge(births, source),
-            symbols=self.symbols.merged(len(cells), source, block_log2),
+            symbols=self.symbols.merged(len(cells), source),
             cells=np.concatenate([self.cells, cells])[source],
         )
 
-    def shape(self, header: MotionHeader, block_log2: int, model: ContextModel | None) -> MotionShape:
+    def shape(self, header: MotionHeader, model: ContextModel | None) -> MotionShape:
         """What the symbol walk needs; `model`: the frozen prior of the sequence."""
         order = np.argsort(self.field.gaussians, kind="stable")
         assert model is not None
         prior = ControlPrior.of(model, self.field, header, self.symbols.control)
-        return MotionShape(order, header.num_columns, block_log2, prior)
-
-    def history(self, block_log2: int) -> MotionSymbols:
-        """The last motion symbols, modes zero where blocks were others."""
-        blocks = num_blocks(len(self.symbols.follows), block_log2)
-        if len(self.symbols.modes) == blocks:
-            return self.symbols
-        return replace(self.symbols, modes=np.zeros(blocks, np.int64))
+        return MotionShape(order, header.num_columns, prior)
 
     def carry(self, header: MotionHeader, symbols: MotionSymbols, reference: FrameState) -> Carried:
         """Prediction of a frame from the decoded `reference` and its motion."""

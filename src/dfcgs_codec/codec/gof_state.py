@@ -72,7 +72,7 @@ class GofState:
         coarser = {a: self.visibility.coarseness(a, level) for a, level in levels.items()}
         return Prior(self.model, gaussians, coarser)
 
-    def survivors(self, kept: Int64, block_log2: int) -> GofState:
+    def survivors(self, kept: Int64) -> GofState:
         """Without the Gaussians that are not among the rows `kept`."""
         if len(kept) == self.frame.num_gaussians:
             return replace(self, frame=replace(self.frame, verbatim=None))
@@ -82,8 +82,8 @@ class GofState:
             frame=frame,
             visibility=self.visibility.of(frame),
             levels=self.levels.take(kept),
-            history=self.history.merged(0, kept, block_log2),
-            moved=self.motion().survivors(kept, block_log2),
+            history=self.history.merged(0, kept),
+            moved=self.motion().survivors(kept),
         )
 
     def after(
@@ -102,7 +102,7 @@ class GofState:
         cells = motion.cells_of(births.planes[Attribute.POSITION].wide())
         return insertion(motion.keys(), motion.keys_of(cells))
 
-    def with_births(self, births: FrameState, source: Int64, block_log2: int) -> GofState:
+    def with_births(self, births: FrameState, source: Int64) -> GofState:
         """With Gaussians more: row i is row source[i] of those that are there and `births`."""
         motion = self.motion()
         positions = births.planes[Attribute.POSITION].wide()
@@ -113,8 +113,8 @@ class GofState:
             frame=frame,
             visibility=self.visibility.of(frame),
             levels=self.levels.merge(round_divide(positions, self.position_step), source),
-            history=self.history.merged(len(positions), source, block_log2),
-            moved=motion.with_births(cells, source, block_log2),
+            history=self.history.merged(len(positions), source),
+            moved=motion.with_births(cells, source),
         )
 
     def expected_places(self) -> Int64:

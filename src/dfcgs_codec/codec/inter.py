@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.codec.activity import (
+    BLOCK_LOG2,
     DENSE,
     MEMORY_BITS,
     NUM_DENSITIES,
@@ -75,15 +76,13 @@ class PriorContext:
     history: InterSymbols
     coded: dict[Attribute, AttributeActivity]
     levels: GofLevels
-    block_log2: int
 
     def inputs(self, rows: Int64, density: Int64, magnitude: Int64) -> UInt8:
         """Those that all symbols of the Gaussians `rows` have in common; classes are those of all blocks."""
-        before, block = self.before, rows >> self.block_log2
+        before, block = self.before, rows >> BLOCK_LOG2
         zero = np.zeros(len(rows), np.int64)
         coarseness = self.prior.coarseness.get(self.attribute)
         others = {a: x for a, x in self.history.activity.items() if a in BEFORE and a != self.attribute}
-        count = len(before.symbols)
         known = AttributeInputs(
             self.attribute,
             None if coarseness is None else coarseness[rows],
@@ -94,7 +93,7 @@ class PriorContext:
             density[block],
             magnitude[block],
             {a: _sizes(x.symbols[rows]) for a, x in self.coded.items() if a in NOW},
-            {a: _sizes(x.symbols[rows]) for a, x in others.items() if len(x.symbols) == count},
+            {a: _sizes(x.symbols[rows]) for a, x in others.items()},
         )
         return common_inputs(self.prior.gaussians[rows], known)
 
@@ -112,10 +111,10 @@ def code_inter_attribute(
     given = None if target is None else target.magnitude
     magnitude = _code_magnitude(coder, given, density, context)
     count = len(before.symbols)
-    rows = np.flatnonzero((density > 0)[np.arange(count) >> context.block_log2])
+    rows = np.flatnonzero((density > 0)[np.arange(count) >> BLOCK_LOG2])
     inputs = context.inputs(rows, density, magnitude)
     flags = None if target is None else target.significant()
-    flagged = density[rows >> context.block_log2] != DENSE
+    flagged = density[rows >> BLOCK_LOG2] != DENSE
     kept = _code_flags(coder, flags, context, (rows, inputs, flagged))
     symbols = np.zeros(before.symbols.shape, np.int64)
     chosen = rows[kept]
@@ -227,7 +226,6 @@ class InterShape:
 
     attributes: list[Attribute]
     num_gaussians: int
-    block_log2: int
     levels: GofLevels
     prior: Prior
     modes: Int64 | None = None
@@ -240,17 +238,14 @@ def code_inter(
     shape: InterShape,
 ) -> InterSymbols:
     """All streams of a P-frame; `history` is what the previous frame carried; returns the symbols."""
-    blocks = num_blocks(shape.num_gaussians, shape.block_log2)
     coded: dict[Attribute, AttributeActivity] = {}
-    beside = np.zeros(blocks, np.int64) if shape.modes is None else shape.modes
+    beside = np.zeros(num_blocks(shape.num_gaussians), np.int64) if shape.modes is None else shape.modes
     for attribute in shape.attributes:
         before = history.activity.get(attribute)
-        if before is None or len(before.density) != blocks:
-            before = AttributeActivity.none(shape.num_gaussians, num_inter_columns(attribute), blocks)
+        if before is None:
+            before = AttributeActivity.none(shape.num_gaussians, num_inter_columns(attribute))
         target = None if symbols is None else symbols.activity[attribute]
-        context = PriorContext(
-            attribute, shape.prior, before, beside, history, dict(coded), shape.levels, shape.block_log2
-        )
+        context = PriorContext(attribute, shape.prior, before, beside, history, dict(coded), shape.levels)
         coded[attribute] = code_inter_attribute(next_coder(), target, context).remembering(before)
         beside = coded[attribute].density
     return InterSymbols(coded)

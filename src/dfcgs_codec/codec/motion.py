@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.codec.activity import num_blocks
+from dfcgs_codec.codec.activity import BLOCK_LOG2, num_blocks
 from dfcgs_codec.codec.control_context import NUM_COLUMNS, ControlPrior
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
 from dfcgs_codec.entropy.symbols import Groups, code_with_models
@@ -34,16 +34,17 @@ class MotionSymbols:
     modes: Int64
     follows: Bool
 
-    def merged(self, num_births: int, source: Int64, block_log2: int) -> MotionSymbols:
+    def merged(self, num_births: int, source: Int64) -> MotionSymbols:
         """After Gaussians went and came; births followed nobody, modes are forgotten."""
         follows = np.concatenate([self.follows, np.zeros(num_births, np.bool_)])[source]
-        return MotionSymbols(self.control, np.zeros(num_blocks(len(follows), block_log2), np.int64), follows)
+        return MotionSymbols(self.control, np.zeros(num_blocks(len(follows)), np.int64), follows)
 
     @staticmethod
-    def none(num_points: int, num_gaussians: int, num_blocks: int) -> MotionSymbols:
+    def none(num_points: int, num_gaussians: int) -> MotionSymbols:
         """All stand still."""
         control = np.zeros((num_points, NUM_COLUMNS), np.int64)
-        return MotionSymbols(control, np.zeros(num_blocks, np.int64), np.zeros(num_gaussians, np.bool_))
+        modes = np.zeros(num_blocks(num_gaussians), np.int64)
+        return MotionSymbols(control, modes, np.zeros(num_gaussians, np.bool_))
 
 
 @dataclass(frozen=True)
@@ -55,13 +56,12 @@ class MotionShape:
 
     order: Int64
     num_columns: int
-    block_log2: int
     prior: ControlPrior
 
 
-def classify_modes(follows: Bool, block_log2: int) -> Int64:
+def classify_modes(follows: Bool) -> Int64:
     """Mode (blocks,) of each block."""
-    starts = np.arange(0, len(follows), 1 << block_log2)
+    starts = np.arange(0, len(follows), 1 << BLOCK_LOG2)
     count = np.add.reduceat(follows.astype(np.int64), starts)
     size = np.diff(np.append(starts, len(follows)))
     return np.where(count == 0, STILL, np.where(count == size, FOLLOW, MIXED))
@@ -99,7 +99,7 @@ def code_motion(
     """Both streams of a MOTION chunk; `history`: what the GoF's last one carried; returns the symbols."""
     coder = next_coder()
     modes = _code_modes(coder, None if symbols is None else symbols.modes, history.modes)
-    block = np.arange(len(history.follows)) >> shape.block_log2
+    block = np.arange(len(history.follows)) >> BLOCK_LOG2
     given = None if symbols is None else symbols.follows
     follows = _code_follows(coder, given, modes[block], history.follows)
     order, num_columns = shape.order, shape.num_columns

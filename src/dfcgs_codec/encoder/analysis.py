@@ -128,7 +128,6 @@ class ResidualQuantiser:
 
     quantisation: Quantisation
     zero_bin: ZeroBin
-    block_log2: int
     multipliers: Mapping[Attribute, Int64] = field(default_factory=dict)
     slack: Mapping[Attribute, Int64] = field(default_factory=dict)
     slack_share: float = SLACK
@@ -198,7 +197,7 @@ def inter_symbols(
             continue
         symbols = quantiser.symbols(attribute, changed, values, predicted.planes[attribute].wide())
         if symbols.any():
-            activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols, quantiser.block_log2))
+            activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols))
     return InterSymbols(activity)
 
 

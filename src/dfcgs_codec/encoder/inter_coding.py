@@ -34,7 +34,7 @@ from dfcgs_codec.encoder.grading import GradedPlan, inter_levels, steps_in_intra
 from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.motion_choice import MotionTask, MotionTrial, choose_motion
 from dfcgs_codec.encoder.options import MotionMode
-from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
+from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.reference import InputFrame
 from dfcgs_codec.encoder.targets import ordered
 from dfcgs_codec.transform.rotation import round_divide
@@ -130,15 +130,13 @@ class InterCoder:
         levels = self._levels(task.state.visibility)
         multipliers = task.state.visibility.all_multipliers(levels)
         slack, share = self.slack(task.state), self._slack_share
-        quantiser = ResidualQuantiser(
-            quantisation, ZeroBin(options.zero_bin), BLOCK_LOG2, multipliers, slack, share
-        )
+        quantiser = ResidualQuantiser(quantisation, ZeroBin(options.zero_bin), multipliers, slack, share)
         states = (reference, reference if trial is None else trial.carried.state)
         symbols = InterSymbols()
         if options.motion != MotionMode.ONLY:
             symbols = inter_symbols(task.target, task.before, states, quantiser)
         change = None if task.births is None else task.births.change
-        coding = ResidualCoding(quantisation.steps, BLOCK_LOG2, levels)
+        coding = ResidualCoding(quantisation.steps, levels)
         return code_inter_frame(task.index, symbols, task.state, coding, trial, change)
 
     def _levels(self, visibility: Visibility) -> dict[Attribute, int]:
@@ -181,7 +179,6 @@ class InterCoder:
             task.target,
             changed,
             self._quantisation.steps,
-            BLOCK_LOG2,
             multipliers,
             mode != MotionMode.ONLY,
             state.model,

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.motion_header import MotionHeader
+from dfcgs_codec.codec.activity import BLOCK_LOG2
 from dfcgs_codec.codec.binding import Binding
 from dfcgs_codec.codec.compensation import Carried, GofMotion
 from dfcgs_codec.codec.dpb import FrameState
@@ -52,7 +53,6 @@ class MotionTask:
     target: Planes
     changed: Bool
     steps: dict[Attribute, int]
-    block_log2: int
     multipliers: Mapping[Attribute, Int64] = field(default_factory=dict)
     has_residual: bool = True
     model: ContextModel | None = None
@@ -87,12 +87,12 @@ def motion_steps(task: MotionTask) -> tuple[int, int]:
 def _control_bytes(task: MotionTask, header: MotionHeader, control: Int64) -> int:
     """Bytes of the control points' symbols."""
     streams, motion = Streams(), task.motion
-    symbols = replace(motion.history(task.block_log2), control=control)
+    symbols = replace(motion.symbols, control=control)
     code_motion(
         streams.next,
         symbols,
-        motion.history(task.block_log2),
-        motion.shape(header, task.block_log2, task.model),
+        motion.symbols,
+        motion.shape(header, task.model),
     )
     return len(streams.finish()[1])
 
@@ -165,7 +165,7 @@ def choose_motion(task: MotionTask) -> MotionTrial | None:
 
 
 def _symbols(task: MotionTask, control: Int64, follows: Bool) -> MotionSymbols:
-    return MotionSymbols(control, classify_modes(follows, task.block_log2), follows)
+    return MotionSymbols(control, classify_modes(follows), follows)
 
 
 def _followers(task: MotionTask, carried: Carried) -> Bool:
@@ -175,12 +175,12 @@ def _followers(task: MotionTask, carried: Carried) -> Bool:
         rows = moved_rows(attribute, task.reference, carried.state)
         if rows is not None:
             moved |= rows
-    starts = np.arange(0, len(moved), 1 << task.block_log2)
+    starts = np.arange(0, len(moved), 1 << BLOCK_LOG2)
     size = np.diff(np.append(starts, len(moved)))
     astray = np.add.reduceat((moved & ~task.changed).astype(np.int64), starts)
     changed = np.add.reduceat(task.changed.astype(np.int64), starts)
     share = np.clip(changed / size, 1e-3, 1 - 1e-3)
     flags = -size * (share * np.log2(share) + (1 - share) * np.log2(1 - share))
     is_mixed = (astray * _BRING_BACK_BITS > flags) & (changed > 0)
-    block = np.arange(len(moved)) >> task.block_log2
+    block = np.arange(len(moved)) >> BLOCK_LOG2
     return np.where(is_mixed[block], task.changed, (changed > 0)[block])

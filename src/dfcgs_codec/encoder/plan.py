@@ -15,9 +15,6 @@ from dfcgs_codec.encoder.shown import Region, Seen
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.registry import context_model
 
-#: log2 of the Gaussians in a significance block
-BLOCK_LOG2 = 6
-
 
 @dataclass(frozen=True)
 class SequencePlan:

@@ -35,7 +35,7 @@ from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
 from dfcgs_codec.encoder.off_grid import Grids, in_gof_order, with_escapes
 from dfcgs_codec.encoder.options import MotionMode
 from dfcgs_codec.encoder.placing import Placing
-from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
+from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.reference import CodedGof, CodedReference, CodedSegment, InputFrame, RunStart
 from dfcgs_codec.encoder.report import FrameRecord
 from dfcgs_codec.encoder.shown import Shown
@@ -191,7 +191,7 @@ class SegmentEncoder:
         state = before.coded.state
         births = self._inter_coder.births(succession, frame, state)
         if births is not None:
-            state = state.survivors(kept, BLOCK_LOG2)
+            state = state.survivors(kept)
         target_before = before.target if succession.all_survive else ordered(before.target, kept)
         same = (before.planes, before.target) if members is before.members else None
         task = InterTask(index, members.target(planes, same), target_before, state, births)

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     LEVELS,
-    MAX_BLOCK_LOG2,
     MAX_COARSE_LOG2,
     MAX_CONTROL_SHIFT,
     MAX_DECAY_EXPONENT,
@@ -27,7 +26,6 @@ from dfcgs_codec.bitstream.constants import (
     MAX_SORT_SHIFT,
     MAX_THIN_EXPONENT,
     MAX_THIN_OCTAVES,
-    MIN_BLOCK_LOG2,
     MIN_LATENT_STEP_LOG2,
     PROFILE_TOOLS,
     STATE_LIMIT,
@@ -170,17 +168,15 @@ def inter_headers(draw: st.DrawFn) -> InterHeader:
     present = draw(st.sets(st.sampled_from(coded_attributes(SMALL.sh_degree))))
     choice = st.sets(st.sampled_from(sorted(PROFILE_TOOLS[Profile.MAIN])))
     tools = frozenset(draw(choice)) - (frozenset() if present else {Tool.VISIBILITY})
-    block_log2 = draw(st.integers(MIN_BLOCK_LOG2, MAX_BLOCK_LOG2)) if present or tools else 0
     levels = sorted(present) if Tool.VISIBILITY in tools else []
     visibility = {a: draw(st.integers(-STATE_LIMIT, STATE_LIMIT)) for a in levels}
-    return InterHeader(draw(HASHES), tools, block_log2, {a: draw(STEPS) for a in sorted(present)}, visibility)
+    return InterHeader(draw(HASHES), tools, {a: draw(STEPS) for a in sorted(present)}, visibility)
 
 
 PAPER_INTER_HEADERS = st.builds(
     InterHeader,
     HASHES,
     st.frozensets(st.sampled_from(sorted(PROFILE_TOOLS[Profile.PAPER]))),
-    st.just(0),
     st.just({}),
 )
 
@@ -430,15 +426,9 @@ def test_inter_header_refuses_visibility_without_attributes() -> None:
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_inter_header_refuses_levels_beyond_the_state(sign: int) -> None:
     levels = {Attribute.SCALE: sign * (STATE_LIMIT + 1)}
-    header = InterHeader(bytes(16), frozenset({Tool.VISIBILITY}), 6, {Attribute.SCALE: 5}, levels)
+    header = InterHeader(bytes(16), frozenset({Tool.VISIBILITY}), {Attribute.SCALE: 5}, levels)
     with pytest.raises(LimitExceeded, match="visibility_level"):
         InterHeader.read(ByteReader(write(header)), SMALL)
-
-
-@pytest.mark.parametrize("block_log2", [MIN_BLOCK_LOG2 - 1, MAX_BLOCK_LOG2 + 1])
-def test_inter_header_refuses_block_sizes(block_log2: int) -> None:
-    with pytest.raises(LimitExceeded, match="block_log2"):
-        InterHeader.read(ByteReader(bytes(16) + bytes((0, 1, block_log2, 5))), SMALL)
 
 
 @pytest.mark.parametrize(
@@ -496,7 +486,7 @@ def test_inter_header_refuses_unknown_tools() -> None:
 
 
 def test_a_frame_that_repeats_its_reference_takes_18_bytes() -> None:
-    assert len(write(InterHeader(bytes(16), frozenset(), 0, {}))) == 18
+    assert len(write(InterHeader(bytes(16), frozenset(), {}))) == 18
 
 
 # --- MotionHeader -------------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ def start(state: FrameState, control: ControlHeader = CONTROL) -> GofMotion:
 def symbols_of(motion: GofMotion, control: np.ndarray, follows: np.ndarray) -> MotionSymbols:
     whole = np.zeros((motion.field.num_points, 6), np.int64)
     whole[: len(control), : control.shape[1]] = control
-    return MotionSymbols(whole, classify_modes(follows, 6), follows)
+    return MotionSymbols(whole, classify_modes(follows), follows)
 
 
 def test_levels_of_control_points() -> None:

@@ -19,11 +19,11 @@ from dfcgs_codec.model.context_model import NUM_CONTROL_COMMON
 from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
 
 
-def shape_of(points: int, columns: int, block_log2: int) -> MotionShape:
+def shape_of(points: int, columns: int) -> MotionShape:
     """Of control points about which nothing is known yet."""
     inputs, expected = np.zeros((points, NUM_CONTROL_COMMON), np.uint8), np.zeros((points, 6), np.int64)
     prior = ControlPrior(context_model(DEFAULT_PRIOR), inputs, expected)
-    return MotionShape(np.random.default_rng(5).permutation(points), columns, block_log2, prior)
+    return MotionShape(np.random.default_rng(5).permutation(points), columns, prior)
 
 
 def random_motion(points: int, columns: int, count: int, share: float, seed: int = 0) -> MotionSymbols:
@@ -31,20 +31,20 @@ def random_motion(points: int, columns: int, count: int, share: float, seed: int
     control = np.zeros((points, 6), np.int64)
     control[:, :columns] = np.rint(rng.normal(size=(points, columns)) * 20).astype(np.int64)
     follows = rng.random(count) < share
-    return MotionSymbols(control, classify_modes(follows, 3), follows)
+    return MotionSymbols(control, classify_modes(follows), follows)
 
 
 def test_modes_of_blocks() -> None:
-    follows = np.array([False] * 8 + [True] * 8 + [True, False] + [True] * 6 + [True] * 3)
-    assert classify_modes(follows, 3).tolist() == [STILL, FOLLOW, MIXED, FOLLOW]
+    follows = np.array([False] * 64 + [True] * 64 + [True, False] + [True] * 62 + [True] * 3)
+    assert classify_modes(follows).tolist() == [STILL, FOLLOW, MIXED, FOLLOW]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("points", [1, 40, 100])
 @pytest.mark.parametrize("columns", [3, 6])
 def test_round_trip_with_history(points: int, columns: int, share: float) -> None:
-    shape = shape_of(points, columns, 3)
-    history = MotionSymbols.none(points, 515, 65)
+    shape = shape_of(points, columns)
+    history = MotionSymbols.none(points, 515)
     for seed in range(3):
         symbols = random_motion(points, columns, 515, share, seed)
         streams = Streams()
@@ -61,11 +61,10 @@ def test_round_trip_with_history(points: int, columns: int, share: float) -> Non
 
 
 def test_what_goes_on_costs_little() -> None:
-    shape = shape_of(10, 3, 6)
+    shape = shape_of(10, 3)
     symbols = random_motion(10, 3, 6400, 0.5)
-    symbols = MotionSymbols(symbols.control, classify_modes(symbols.follows, 6), symbols.follows)
     streams = Streams()
-    code_motion(streams.next, symbols, MotionSymbols.none(10, 6400, 100), shape)
+    code_motion(streams.next, symbols, MotionSymbols.none(10, 6400), shape)
     first = len(streams.finish()[0])
     streams = Streams()
     code_motion(streams.next, symbols, symbols, shape)

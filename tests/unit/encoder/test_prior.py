@@ -81,7 +81,7 @@ def test_models_of_the_other_profile_are_refused(tmp_path: Path) -> None:
 
 def test_memory_fades_by_a_quarter() -> None:
     rng = np.random.default_rng(0)
-    before = AttributeActivity.none(40, 3, 1)
+    before = AttributeActivity.none(40, 3)
     memory, running = [[0] * 3 for _ in range(40)], [0] * 40
     for _ in range(5):
         symbols = rng.integers(-9, 10, (40, 3))
