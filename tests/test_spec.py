@@ -54,7 +54,7 @@ from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.graded_intra import GradedTarget
 from dfcgs_codec.codec.intra import IntraSymbols
-from dfcgs_codec.codec.motion import MotionSymbols, classify_modes
+from dfcgs_codec.codec.motion import MotionSymbols
 from dfcgs_codec.codec.residual_context import log_of
 from dfcgs_codec.codec.side_information import (
     HistogramLayout,
@@ -67,6 +67,7 @@ from dfcgs_codec.codec.side_information import (
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder import frame_coding, streams
 from dfcgs_codec.encoder.analysis import ZeroBin
+from dfcgs_codec.encoder.block_classes import classify_modes
 from dfcgs_codec.encoder.grading import TurnChooser, nearest_by, quantise_by
 from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionTrial

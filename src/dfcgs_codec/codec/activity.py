@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
-from dfcgs_codec.transform.lod import ladder
 
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
@@ -23,8 +22,6 @@ NUM_MAGNITUDES = 24
 MEMORY_BITS = 4
 MEMORY_DECAY_LOG2 = 2
 _MOST_RUNNING = 1 << 20
-#: with more significant Gaussians than this, all are coded, and their nearest neighbours help
-_ALL_DENSE_SHARE = 0.85
 
 
 def row_sums(values: Int64) -> Int64:
@@ -114,19 +111,3 @@ def num_inter_columns(attribute: Attribute) -> int:
 def num_blocks(num_gaussians: int) -> int:
     """Blocks of 2**BLOCK_LOG2 Gaussians, the last one perhaps shorter."""
     return -(-num_gaussians >> BLOCK_LOG2)
-
-
-def classify_blocks(symbols: Int64) -> tuple[Int64, Int64]:
-    """Density and magnitude class of each block of `symbols` (N, C); an encoder's choice."""
-    starts = np.arange(0, len(symbols), 1 << BLOCK_LOG2)
-    magnitude = row_sums(np.abs(symbols))
-    significant = np.add.reduceat((magnitude > 0).astype(np.int64), starts)
-    size = np.diff(np.append(starts, len(symbols)))
-    density = np.where(significant * 4 < size, 1, 2)
-    density = np.where(significant == size, DENSE, density)
-    density[significant == 0] = 0
-    if significant.sum() > _ALL_DENSE_SHARE * len(symbols):
-        density[:] = DENSE
-    total = np.add.reduceat(magnitude, starts) * 4
-    mean = total // np.maximum(significant * symbols.shape[1], 1)
-    return density, ladder(mean, NUM_MAGNITUDES)

@@ -26,7 +26,6 @@ from dfcgs_codec.transform.spreading import Spreading, spread_from
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -39,11 +38,6 @@ class Gathered:
     binding: Binding
     step: int
 
-    def of_rows(self, kept: Int64) -> Gathered:
-        """The same of some of those who followed."""
-        binding = self.binding.of_rows(kept)
-        return replace(self, rows=self.rows[kept], moves=self.moves[:, :, kept], binding=binding)
-
 
 @dataclass(frozen=True)
 class Carried:
@@ -51,19 +45,6 @@ class Carried:
 
     state: FrameState
     gathered: Gathered
-
-    def only(self, follows: Bool, reference: FrameState) -> Carried:
-        """As if only some of those who followed did; an encoder's short cut."""
-        kept = np.flatnonzero(follows[self.gathered.rows])
-        if len(kept) == len(self.gathered.rows):
-            return self
-        planes = dict(reference.planes)
-        for attribute in (Attribute.POSITION, Attribute.ROTATION):
-            moved = self.state.planes[attribute]
-            if moved is not reference.planes[attribute]:
-                values = np.where(follows[:, None], moved.values, reference.planes[attribute].values)
-                planes[attribute] = Plane(values)
-        return Carried(replace(self.state, planes=planes), self.gathered.of_rows(kept))
 
 
 @dataclass(frozen=True)

@@ -59,14 +59,6 @@ class MotionShape:
     prior: ControlPrior
 
 
-def classify_modes(follows: Bool) -> Int64:
-    """Mode (blocks,) of each block."""
-    starts = np.arange(0, len(follows), 1 << BLOCK_LOG2)
-    count = np.add.reduceat(follows.astype(np.int64), starts)
-    size = np.diff(np.append(starts, len(follows)))
-    return np.where(count == 0, STILL, np.where(count == size, FOLLOW, MIXED))
-
-
 def _code_modes(coder: SymbolCoder, modes: Int64 | None, before: Int64) -> Int64:
     """Modes of blocks; context: the mode before."""
     known = np.zeros(0, np.int64) if modes is None else modes

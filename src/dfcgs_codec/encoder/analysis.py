@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import MAX_SORT_BITS, Attribute
 from dfcgs_codec.bitstream.frame_headers import SortGrid
-from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols, classify_blocks, nonzero_rows
+from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols, nonzero_rows
 from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.codec.intra import IntraSymbols
+from dfcgs_codec.encoder.block_classes import classify_blocks
 from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.transform.companding import compress

@@ -13,10 +13,11 @@ from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.activity import BLOCK_LOG2
 from dfcgs_codec.codec.binding import Binding
 from dfcgs_codec.codec.compensation import Carried, GofMotion
-from dfcgs_codec.codec.dpb import FrameState
-from dfcgs_codec.codec.motion import MotionSymbols, classify_modes, code_motion
+from dfcgs_codec.codec.dpb import FrameState, Plane
+from dfcgs_codec.codec.motion import MotionSymbols, code_motion
 from dfcgs_codec.encoder.analysis import Planes, moved_rows
-from dfcgs_codec.encoder.motion_estimation import Moments, MotionQuantiser, measure, trusted
+from dfcgs_codec.encoder.block_classes import classify_modes
+from dfcgs_codec.encoder.motion_estimation import Moments, MotionQuantiser, chosen_moves, measure, trusted
 from dfcgs_codec.encoder.motion_judge import MotionJudge
 from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.encoder.streams import Streams
@@ -126,7 +127,7 @@ class _Search:
         first = MotionQuantiser(field, measure(*self._paths(some), field.num_points), header, 0.0)
         motion = field.move(header, first).motion
         binding, source, target = self._paths(rows)
-        carried = binding.chosen_moves(motion, np.ascontiguousarray(source.T))
+        carried = chosen_moves(binding, motion, np.ascontiguousarray(source.T))
         trust = trusted(target - source - carried.T, task.steps[Attribute.POSITION])
         return measure(binding, source, target, field.num_points, trust)
 
@@ -161,7 +162,25 @@ def choose_motion(task: MotionTask) -> MotionTrial | None:
     carried = task.motion.carry(best.header, _symbols(task, best.control, everyone), task.reference)
     follows = _followers(task, carried)
     symbols = _symbols(task, best.control, follows)
-    return MotionTrial(best.header, symbols, carried.only(follows, task.reference))
+    return MotionTrial(best.header, symbols, _only(carried, follows, task.reference))
+
+
+def _only(carried: Carried, follows: Bool, reference: FrameState) -> Carried:
+    """As if only some of those who followed did."""
+    gathered = carried.gathered
+    kept = np.flatnonzero(follows[gathered.rows])
+    if len(kept) == len(gathered.rows):
+        return carried
+    planes = dict(reference.planes)
+    for attribute in (Attribute.POSITION, Attribute.ROTATION):
+        moved = carried.state.planes[attribute]
+        if moved is not reference.planes[attribute]:
+            planes[attribute] = Plane(
+                np.where(follows[:, None], moved.values, reference.planes[attribute].values)
+            )
+    binding = gathered.binding.of_rows(kept)
+    gathered = replace(gathered, rows=gathered.rows[kept], moves=gathered.moves[:, :, kept], binding=binding)
+    return Carried(replace(carried.state, planes=planes), gathered)
 
 
 def _symbols(task: MotionTask, control: Int64, follows: Bool) -> MotionSymbols:

@@ -10,10 +10,11 @@ from scipy.sparse import csc_array
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
 from dfcgs_codec.bitstream.motion_header import MotionHeader
-from dfcgs_codec.codec.binding import BLEND, Binding
+from dfcgs_codec.codec.binding import BLEND, Binding, blend
 from dfcgs_codec.codec.motion_field import MotionField
 from dfcgs_codec.transform.control_points import GATHER_WEIGHT_BITS
 from dfcgs_codec.transform.pieces import pieces
+from dfcgs_codec.transform.rigid import RigidMotion, displacements
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, from_stereo, to_stereo
 
 Int64 = npt.NDArray[np.int64]
@@ -68,6 +69,20 @@ def measure(
             some *= trust[part]
         columns[part] = some.T
     return Moments(_carriers(binding, num_points) @ columns, center)
+
+
+def chosen_moves(binding: Binding, motion: RigidMotion, positions: Float64) -> Float64:
+    """Displacements (3, N) of `positions` (3, N) by each one's choice, without those of other candidates."""
+    table, result = motion.table(), np.empty_like(positions)
+    gathering = binding.gathering
+    for part in pieces(positions.shape[1]):
+        choice, some, ranks = binding.choice[part], positions[:, part], gathering.ranks[:, part]
+        leader = ranks[np.maximum(choice - 1, 0), np.arange(len(choice))]
+        result[:, part] = displacements(table, leader, some)
+        rows = np.flatnonzero(choice == BLEND)
+        alone = [displacements(table, of_one[rows], some[:, rows]) for of_one in ranks]
+        result[:, part.start + rows] = blend(alone, gathering.weights[:, part][:, rows])
+    return result
 
 
 def trusted(errors: Float64, step: int) -> Float64:

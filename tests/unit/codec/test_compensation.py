@@ -10,8 +10,9 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.compensation import GofMotion, turned
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.motion import MotionSymbols, classify_modes
+from dfcgs_codec.codec.motion import MotionSymbols
 from dfcgs_codec.codec.motion_field import level_starts
+from dfcgs_codec.encoder.block_classes import classify_modes
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.rotation import ONE, from_float
 from tests.helpers import make_cloud

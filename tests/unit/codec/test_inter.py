@@ -12,7 +12,6 @@ from dfcgs_codec.codec.activity import (
     NUM_MAGNITUDES,
     AttributeActivity,
     InterSymbols,
-    classify_blocks,
     nonzero_rows,
     num_blocks,
     num_inter_columns,
@@ -21,6 +20,7 @@ from dfcgs_codec.codec.activity import (
 from dfcgs_codec.codec.inter import InterShape, Prior, code_inter
 from dfcgs_codec.codec.residual_context import gaussian_inputs
 from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.encoder.block_classes import classify_blocks
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
 from dfcgs_codec.transform.lod import GofLevels

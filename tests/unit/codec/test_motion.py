@@ -10,10 +10,10 @@ from dfcgs_codec.codec.motion import (
     STILL,
     MotionShape,
     MotionSymbols,
-    classify_modes,
     code_motion,
 )
 from dfcgs_codec.codec.symbol_reader import SymbolReader
+from dfcgs_codec.encoder.block_classes import classify_modes
 from dfcgs_codec.encoder.streams import Streams
 from dfcgs_codec.model.context_model import NUM_CONTROL_COMMON
 from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
