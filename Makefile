@@ -18,7 +18,7 @@ VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit
 
 .DEFAULT_GOAL := help
 .PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden cli-page clean \
-	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-compensation bench-paper bench-prior bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts picture fitted captures
+	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-paper bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts picture fitted captures
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
@@ -118,15 +118,9 @@ bench-quick: env-eval ## four scenes, six frames, the quick methods (under 10 mi
 bench-motion: env-eval ## what motion and its parts are worth: ablations (two hours)
 	$(BIN)/python -m evaluation.experiments.motion
 
-bench-compensation: env-eval ## motion without residual: the main rule, the paper's, the last frame repeated (10 minutes)
-	$(BIN)/python -m evaluation.experiments.paper.compensation
-
 bench-paper: env-eval ## profile paper against main, and the paper's tables (an hour)
 	$(BIN)/python -m evaluation.experiments.paper.profile
 	$(BIN)/python -m evaluation.experiments.paper.ablations
-
-bench-prior: env-eval ## what the frozen prior of profile main is worth: bytes of every stream with it and without (half an hour)
-	$(BIN)/python -m evaluation.experiments.prior
 
 bench-smooth: env-eval ## smooth scenes of 60 frames against quantised delta + zstd (an hour)
 	$(BIN)/python -m evaluation.experiments.long_smooth

@@ -87,7 +87,6 @@ def _bytes_by_kind(target: Path) -> dict[str, Any]:
         "bytes_by_chunk_type": dict(info.chunk_bytes),
         "bytes_by_attribute": dict(info.bytes_by("attribute")),
         "frame_types": "".join(frame.frame_type for frame in info.frames),
-        "control_points": [frame.control_points for frame in info.frames],
     }
 
 

@@ -15,7 +15,7 @@ from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, SortGrid, coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
-from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
+from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.activity import DENSE, AttributeActivity, InterSymbols, num_blocks, num_inter_columns
@@ -27,8 +27,8 @@ from dfcgs_codec.codec.intra import IntraSymbols
 from dfcgs_codec.codec.limits import UNLIMITED
 from dfcgs_codec.codec.motion import FOLLOW, MotionSymbols, code_motion
 from dfcgs_codec.codec.topology import TopologySymbols, code_topology
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.model.registry import context_model
 from lab.chunks import Chunk, join_chunks, split_chunks
 from lab.options import encoder_options
 from lab.small_clouds import make_cloud
@@ -49,7 +49,6 @@ print(json.dumps([frames, error, int(peak.split()[1]) / 1024, time.process_time(
 """
 #: no more bytes than this
 MOST_BYTES = 10_000
-_BLOCK_LOG2 = 12
 Part = tuple[int, bytes]
 
 
@@ -72,11 +71,10 @@ def file_of_alike(count: int) -> bytes:
 
 
 def encoded(cloud: GaussianCloud, options: EncoderOptions | None = None) -> bytes:
-    """A file of one frame, without a prior."""
-    options = encoder_options(options, prior=PriorMode.PLAIN)
+    """A file of one frame."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "a.dgs"
-        encode_sequence([cloud], path, options)
+        encode_sequence([cloud], path, options or EncoderOptions())
         return path.read_bytes()
 
 
@@ -115,11 +113,10 @@ def _streams(writers: list[SymbolWriter]) -> bytes:
 
 @dataclass(frozen=True)
 class Kind:
-    """What each P-frame asks for: symbols, motion of all control points, perhaps spread, new Gaussians."""
+    """What each P-frame asks for: symbols, motion of all control points, new Gaussians."""
 
     residual: bool = False
     motion: bool = False
-    spread: SpreadHeader | None = None
     births: int = 0
 
 
@@ -130,9 +127,10 @@ class Crafted:
         chunks = split_chunks(base)
         self._sequence = SequenceHeader.read(ByteReader(chunks[0].payload))
         self._intra = next(c for c in chunks if c.chunk_type == ChunkType.INTRA_FRAME)
+        self._model = context_model(self._sequence.model_id)
         header = IntraHeader.read(ByteReader(self._intra.payload), self._sequence)
         (frame,) = SequenceDecoder(BytesIO(base), limits=UNLIMITED).frames()
-        setup = GofSetup(header.control, self._sequence.unit_exponents, None)
+        setup = GofSetup(header.control, self._sequence.unit_exponents, self._model)
         self._state = GofState.of_intra(frame.state.on_grid(), setup, header.steps)
         self._frames: list[list[Part]] = []
         self._attributes = coded_attributes(self._sequence.sh_degree)
@@ -156,7 +154,7 @@ class Crafted:
         moved = None
         if kind.motion:
             tools.add(Tool.MOTION)
-            moved, payload = self._motion(kind.spread)
+            moved, payload = self._motion()
             parts.append((ChunkType.MOTION, payload))
         steps = dict.fromkeys(self._attributes, 1) if kind.residual else {}
         symbols = InterSymbols()
@@ -168,8 +166,8 @@ class Crafted:
             self._state = replace(self._state, moved=replace(self._state.motion(), symbols=moved))
         if births is not None:
             places = self._state.places_of_births(births)
-            self._state = self._state.with_births(births, places, _BLOCK_LOG2)
-        header = InterHeader(self._state.frame.hash(), frozenset(tools), _BLOCK_LOG2, steps)
+            self._state = self._state.with_births(births, places)
+        header = InterHeader(self._state.frame.hash(), frozenset(tools), steps)
         self._frames.append([(ChunkType.INTER_FRAME, _bytes(header)), *parts])
 
     def _replaced(self, count: int) -> tuple[FrameState | None, bytes]:
@@ -182,39 +180,37 @@ class Crafted:
         target = TopologySymbols(np.arange(1), IntraSymbols(planes))
         units = self._sequence.unit_exponents
         kept, births = code_topology(lambda: _opened(writers), target, header, (n, units))
-        self._state = self._state.survivors(kept, _BLOCK_LOG2)
+        self._state = self._state.survivors(kept)
         return births, _bytes(header) + _streams(writers)
 
-    def _motion(self, spread: SpreadHeader | None) -> tuple[MotionSymbols, bytes]:
+    def _motion(self) -> tuple[MotionSymbols, bytes]:
         """All follow control points that stand still."""
         motion, n = self._state.motion(), self._state.frame.num_gaussians
-        header = MotionHeader(motion.field.num_points, 0, 1, 1, spread)
-        symbols = MotionSymbols.none(motion.field.num_points, n, num_blocks(n, _BLOCK_LOG2))
+        header = MotionHeader(1, 1)
+        symbols = MotionSymbols.none(motion.field.num_points, n)
         symbols = replace(symbols, modes=symbols.modes + FOLLOW, follows=np.ones(n, np.bool_))
         writers: list[SymbolWriter] = []
-        shape = motion.shape(header, _BLOCK_LOG2, None)
-        code_motion(lambda: _opened(writers), symbols, motion.history(_BLOCK_LOG2), shape)
+        shape = motion.shape(header, self._model)
+        code_motion(lambda: _opened(writers), symbols, motion.symbols, shape)
         return symbols, _bytes(header) + _streams(writers)
 
     def _residual(self, moved: MotionSymbols | None) -> tuple[InterSymbols, bytes]:
         """Symbols of all Gaussians, all zero."""
         n = self._state.frame.num_gaussians
-        blocks = num_blocks(n, _BLOCK_LOG2)
+        blocks = num_blocks(n)
         activity = {
-            a: replace(
-                AttributeActivity.none(n, num_inter_columns(a), blocks), density=np.full(blocks, DENSE)
-            )
+            a: replace(AttributeActivity.none(n, num_inter_columns(a)), density=np.full(blocks, DENSE))
             for a in self._attributes
         }
         writers: list[SymbolWriter] = []
-        beside = None if moved is None else moved.activity()
-        shape = InterShape(self._attributes, n, _BLOCK_LOG2, self._state.levels, beside, None)
+        prior, modes = self._state.prior({}, moved), None if moved is None else moved.modes
+        shape = InterShape(self._attributes, n, self._state.levels, prior, modes)
         coded = code_inter(lambda: _opened(writers), InterSymbols(activity), self._state.history, shape)
         return coded, _streams(writers)
 
 
 def _opened(writers: list[SymbolWriter]) -> SymbolWriter:
-    writers.append(SymbolWriter(preferred=False))
+    writers.append(SymbolWriter())
     return writers[-1]
 
 
@@ -262,14 +258,6 @@ BOMBS: dict[str, tuple[Callable[[], bytes], set[str]]] = {
     "frames that repeat": (lambda: repeated(file_of_alike(60_000), Kind(), 150), {"ResourceLimit"}),
     "control points": (
         lambda: repeated(encoded(lattice(3000), encoder_options(control_spacing=1)), Kind(motion=True), 15),
-        {"", "ResourceLimit"},
-    ),
-    "control points that spread": (
-        lambda: repeated(
-            encoded(lattice(2000), encoder_options(control_spacing=2)),
-            Kind(motion=True, spread=SpreadHeader(128, 0)),
-            15,
-        ),
         {"", "ResourceLimit"},
     ),
     "residuals": (lambda: repeated(encoded(alike(300, 1)), Kind(residual=True), 25), {"", "ResourceLimit"}),

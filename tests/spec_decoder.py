@@ -704,109 +704,58 @@ class Intra(NamedTuple):
 
 # --- 12 P-frames ------------------------------------------------------------------------------------------
 
-# fmt: off
-CLASS_MIDDLES = (
-    0, 1, 2, 2, 3, 5, 7, 10, 13, 19, 27, 38, 54, 76, 108, 152, 215, 304, 431, 609, 861, 1218, 1722, 2435,
-)
-# fmt: on
-
 
 @dataclass
 class Activity:
     symbols: Matrix
     density: Row
     magnitude: Row
-    #: 17.4, of each Gaussian: `running`, then `memory` of each column
+    #: 12.1, of each Gaussian: `running`, then `memory` of each column
     memory: Matrix
-
-    def significant(self, row: int) -> bool:
-        return any(self.symbols[row])
 
     def of(self, change: Callable[[Matrix], Matrix], num_blocks: int) -> Activity:
         """15.2, 15.4: of other Gaussians; classes become 0."""
         return Activity(change(self.symbols), [0] * num_blocks, [0] * num_blocks, change(self.memory))
 
 
-def num_blocks(n: int, block_log2: int) -> int:
-    return -(-n >> block_log2)
+def num_blocks(n: int) -> int:
+    return -(-n >> 6)
 
 
 def remember(memory: Row, symbols: Row) -> Row:
-    """17.4: `running` and `memory` of a Gaussian, from those before."""
+    """12.1: `running` and `memory` of a Gaussian, from those before."""
     running = memory[0] - (memory[0] >> 2) + (min(size(symbols), 2**20) << 2)
     faded = [m - 16 * s for m, s in zip(memory[1:], symbols, strict=True)]
     return [running, *(m - (m >> 2) for m in faded)]
 
 
-def magnitudes(stream: RangeDecoder, density: Row, before: Row, prior: Prior | None) -> Row:
-    """12.3."""
+def magnitudes(stream: RangeDecoder, model: PriorModel, density: Row, before: Row) -> Row:
+    """12.2."""
     blocks = [b for b, d in enumerate(density) if d > 0]
     magnitude = [0] * len(density)
     if blocks:
         contexts = [density[b] + (4 if before[b] > 0 else 0) for b in blocks]
-        tables = prior.model.magnitudes if prior else stream.read_tables(8)
-        for b, r in zip(blocks, stream.residuals(contexts, tables), strict=True):
+        for b, r in zip(blocks, stream.residuals(contexts, model.magnitudes), strict=True):
             magnitude[b] = clip(before[b] + r, 0, 23)
     return magnitude
 
 
-def coded_rows(stream: RangeDecoder, density: Row, before: Activity, beside: Activity) -> Row:
-    """12.4; `density` of each Gaussian's block."""
-    rows = [i for i, d in enumerate(density) if d in (1, 2)]
-    coded = [i for i, d in enumerate(density) if d == 3]
-    if rows:
-        contexts = [4 * density[i] + 2 * before.significant(i) + beside.significant(i) for i in rows]
-        flags = stream.grouped(contexts, stream.read_histograms(occurring(contexts), 2))
-        coded += [i for i, flag in zip(rows, flags, strict=True) if flag]
-    return sorted(coded)
-
-
-def columns_of(
-    stream: RangeDecoder, lods: Lods, hints: Matrix, old: Matrix, num_columns: int
-) -> Iterator[Row]:
-    """12.5; `old` are the symbols before at the coded rows."""
-    residuals: Matrix = []
-    for c in range(num_columns):
-        features = [*residuals, [symbols[c] for symbols in old]]
-        sources = [[abs(r) for r in residual] for residual in residuals] + hints
-        value, residual = column(stream, lods, features, sources)
-        yield value
-        residuals.append(residual)
-
-
-def inter_attribute(
-    stream: RangeDecoder,
-    gof: Lods,
-    history: tuple[Activity, Activity],
-    block_log2: int,
-    prior: Prior | None = None,
-) -> Activity:
-    """12; 17.4 where the sequence has a prior and the stream uses it."""
-    before, beside = history
-    if prior is not None and stream.decode(uniform(2)) == 0:
-        prior = None
-    contexts = [4 * d + e for d, e in zip(before.density, beside.density, strict=True)]
-    models = prior.model.densities if prior else stream.read_histograms(occurring(contexts), 4)
-    density = stream.grouped(contexts, models)
-    magnitude = magnitudes(stream, density, before.magnitude, prior)
+def inter_attribute(stream: RangeDecoder, gof: Lods, density_beside: Row, prior: Prior) -> Activity:
+    """12."""
+    before, model = prior.before, prior.model
+    contexts = [4 * d + e for d, e in zip(before.density, density_beside, strict=True)]
+    density = stream.grouped(contexts, model.densities)
+    magnitude = magnitudes(stream, model, density, before.magnitude)
     n, num_columns = len(before.symbols), len(before.symbols[0])
-    block = [i >> block_log2 for i in range(n)]
+    block = [i >> 6 for i in range(n)]
     densities = [density[b] for b in block]
-    if prior is not None:
-        classes = [(before.density[b], density[b], magnitude[b]) for b in block]
-        inputs = [prior.common(i, classes[i]) if densities[i] else [] for i in range(n)]
-        rows = prior_coded_rows(stream, prior.model, gof, densities, inputs)
-    else:
-        rows = coded_rows(stream, densities, before, beside)
+    classes = [(before.density[b], density[b], magnitude[b]) for b in block]
+    inputs = [prior.common(i, classes[i]) if densities[i] else [] for i in range(n)]
+    rows = coded_rows(stream, model, gof, densities, inputs)
     lods = gof if len(rows) == n else Lods(len(rows))
-    if prior is not None:
-        flagged = [densities[i] != 3 for i in rows]
-        old = Activity([before.symbols[i] for i in rows], [], [], [before.memory[i] for i in rows])
-        columns = prior_columns(stream, prior.model, lods, old, ([inputs[i] for i in rows], flagged))
-    else:
-        symbols = [before.symbols[i] for i in rows]
-        hints = [[CLASS_MIDDLES[magnitude[block[i]]] for i in rows], [size(row) for row in symbols]]
-        columns = list(columns_of(stream, lods, hints, symbols, num_columns))
+    flagged = [densities[i] != 3 for i in rows]
+    old = Activity([before.symbols[i] for i in rows], [], [], [before.memory[i] for i in rows])
+    columns = columns_of(stream, model, lods, old, ([inputs[i] for i in rows], flagged))
     symbols = [[0] * num_columns for _ in range(n)]
     for j, i in enumerate(rows):
         symbols[i] = [column[j] for column in columns]
@@ -1267,7 +1216,6 @@ def verbatim_intra(
 class ControlHeader:
     """What section 5 says of control points."""
 
-    rule: int
     spacing: int
     shift: int
 
@@ -1298,15 +1246,11 @@ class Gathered:
 
 @dataclass
 class MotionSymbols:
-    """14.3: a mode for each block, who follows, seven symbols of each control point."""
+    """14.3: a mode for each block, who follows, six symbols of each control point."""
 
     mode: Row
     follows: list[bool]
     symbols: Matrix
-
-    def beside(self) -> Activity:
-        """12.1: what the first stream of the residual sees."""
-        return Activity([[int(f)] for f in self.follows], self.mode, [0] * len(self.mode), [])
 
 
 def squared_distance(a: Row, b: Row) -> int:
@@ -1323,16 +1267,6 @@ def farthest(cells: Matrix, wanted: int) -> Row:
     return chosen
 
 
-def stride(cells: Matrix, wanted: int) -> Row:
-    b = (len(cells) - 1).bit_length()
-    backward = [sum((k >> i & 1) << (b - 1 - i) for i in range(b)) for k in range(2**b)]
-    chosen: Row = []
-    for i in [i for i in backward if i < len(cells)][:wanted]:
-        if all(cells[i] != cells[j] for j in chosen):
-            chosen.append(i)
-    return chosen
-
-
 def gather(cell: Row, others: Matrix) -> Gathered:
     squared = [squared_distance(cell, other) for other in others]
     count, asked = min(4, len(others)), min(5, len(others))
@@ -1344,36 +1278,6 @@ def gather(cell: Row, others: Matrix) -> Gathered:
     weight = [(s << 12) // total for s in square] + [0] * (4 - count)
     weight[0] += 2**12 - sum(weight)
     return Gathered(rank[:count] + [rank[0]] * (4 - count), weight)
-
-
-#: 14.7
-DECAY = [
-    *(16773120, 16769026, 16760840, 16744480, 16711808, 16646655, 16517109, 16261035),
-    *(15760736, 14805841, 13066109, 10175896, 6171993, 2270549, 307285, 5628),
-]
-
-
-def decayed(x: int) -> int:
-    if x >= 2**16:
-        return 0
-    r = 2**24
-    for b in range(16):
-        if x >> b & 1:
-            r = round_shift(r * DECAY[b], 24)
-    return r
-
-
-def neighbours(cell: Row, cells: Matrix, num_neighbours: int, decay_exponent: int) -> list[tuple[int, int]]:
-    """14.7: Gaussians of the I-frame and their weights."""
-    squared = [squared_distance(cell, other) for other in cells]
-    nearest = sorted(range(len(cells)), key=lambda i: (squared[i], i))[: min(num_neighbours, len(cells))]
-    shift = decay_exponent + 8
-    distance = [math.isqrt(squared[i] << 8) for i in nearest]
-    beyond = [d - distance[0] for d in distance]
-    left = [decayed(b << shift if shift >= 0 else b >> -shift) for b in beyond]
-    weight = [(v << 16) // sum(left) for v in left]
-    weight[0] += 2**16 - sum(weight)
-    return list(zip(nearest, weight, strict=True))
 
 
 def matrix(v: Row) -> Matrix:
@@ -1394,8 +1298,7 @@ class MotionField:
         self.prior = prior
         self.middle, self.shift = positions[n // 2], control.shift
         cells = [self.cell(p) for p in positions]
-        choose = farthest if control.rule == 0 else stride
-        self.gaussian = choose(cells, min(max(1, n // control.spacing), 16384))
+        self.gaussian = farthest(cells, min(max(1, n // control.spacing), 16384))
         count = len(self.gaussian)
         own_cells = [cells[i] for i in self.gaussian]
         self.cells = cells
@@ -1413,12 +1316,7 @@ class MotionField:
         self.habit_t, self.habit_v = zeros(count), zeros(count)
         self.t, self.v, self.matrices = zeros(count), zeros(count), [zeros(3)] * count
         self.translation_step = 1
-        self.last = MotionSymbols([], [False] * n, [[0] * 7 for _ in range(count)])
-        self.first_cells = cells
-        self.origin: list[int | None] = list(range(n))
-        self.spread: tuple[int, int] | None = None
-        self.steps = (1, 0)
-        self._found: dict[tuple[int, ...], list[tuple[int, int]]] = {}
+        self.last = MotionSymbols([], [False] * n, [[0] * 6 for _ in range(count)])
 
     def cell(self, position: Row) -> Row:
         return [
@@ -1428,7 +1326,6 @@ class MotionField:
     def keep(self, kept: Row) -> None:
         """15.2."""
         self.cells = [self.cells[i] for i in kept]
-        self.origin = [self.origin[i] for i in kept]
         self.points = [self.points[i] for i in kept]
         self.last = replace(self.last, mode=[], follows=[self.last.follows[i] for i in kept])
 
@@ -1438,41 +1335,29 @@ class MotionField:
         own_cells = [self.cell(pivot) for pivot in self.pivot]
         self.points = merged(rows, self.points, [gather(cell, own_cells) for cell in cells])
         self.cells = merged(rows, self.cells, cells)
-        self.origin = merged(rows, self.origin, [None] * len(births))
         follows = merged(rows, self.last.follows, [False] * len(births))
         self.last = replace(self.last, mode=[], follows=follows)
 
-    def decode(self, fields: Fields, block_log2: int) -> MotionSymbols:
+    def decode(self, fields: Fields) -> MotionSymbols:
         """6.3, 14.3; moves the control points."""
-        compensation, num_coded = fields.u8(), fields.uvarint()
-        require(compensation <= 1)
-        self.spread, temporal_weight = None, 0
-        if compensation == 0:
-            temporal_weight = fields.u8()
-        else:
-            self.spread = (fields.uvarint(), fields.svarint())
-            require(1 <= self.spread[0] <= 128 and abs(self.spread[1]) <= 28)
         steps = (fields.uvarint(), fields.uvarint())
-        require(num_coded <= len(self.pivot) and temporal_weight <= 4)
-        require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= (2**24 if self.spread else 2**18))
+        require(1 <= steps[0] <= STATE_LIMIT and steps[1] <= 2**18)
         streams = open_streams(fields, 2)
-        mode, follows = self._followers(next(streams), block_log2)
-        symbols = self._symbols(next(streams), num_coded, steps, temporal_weight)
+        mode, follows = self._followers(next(streams))
+        symbols = self._symbols(next(streams), steps)
         require(next(streams, None) is None)
         self.last = MotionSymbols(mode, follows, symbols)
-        self.steps = steps
-        if self.spread is None:
-            self._move(symbols, temporal_weight, steps)
+        self._move(symbols, steps)
         return self.last
 
-    def _followers(self, stream: RangeDecoder, block_log2: int) -> tuple[Row, list[bool]]:
+    def _followers(self, stream: RangeDecoder) -> tuple[Row, list[bool]]:
         n = len(self.points)
         before, followed = self.last.mode, self.last.follows
-        if len(before) != num_blocks(n, block_log2):
-            before = [0] * num_blocks(n, block_log2)
+        if len(before) != num_blocks(n):
+            before = [0] * num_blocks(n)
         mode = stream.grouped(before, stream.read_histograms(occurring(before), 3))
-        follows = [mode[i >> block_log2] == 1 for i in range(n)]
-        rows = [i for i in range(n) if mode[i >> block_log2] == 2]
+        follows = [mode[i >> 6] == 1 for i in range(n)]
+        rows = [i for i in range(n) if mode[i >> 6] == 2]
         if rows:
             contexts = [int(followed[i]) for i in rows]
             flags = stream.grouped(contexts, stream.read_histograms(occurring(contexts), 2))
@@ -1480,36 +1365,25 @@ class MotionField:
                 follows[i] = flag == 1
         return mode, follows
 
-    def _symbols(
-        self, stream: RangeDecoder, num_coded: int, steps: tuple[int, int], temporal_weight: int
-    ) -> Matrix:
-        """14.3, 17.5."""
-        rows = sorted(range(num_coded), key=lambda k: self.gaussian[k])
-        symbols = [[0] * 7 for _ in self.pivot]
-        num_columns = 3
-        if steps[1] > 0:
-            num_columns = 7 if self.spread else 6
-        if num_coded == 0:
-            return symbols
-        prior = self.prior if self.spread is None else None
-        if prior is not None and stream.decode(uniform(2)):
-            columns = self._prior_columns(stream, prior, rows, (num_columns, steps, temporal_weight))
-        else:
-            hint = [size(self.last.symbols[k]) for k in rows]
-            columns = control_columns(stream, num_coded, hint, num_columns)
+    def _symbols(self, stream: RangeDecoder, steps: tuple[int, int]) -> Matrix:
+        """14.3."""
+        rows = sorted(range(len(self.pivot)), key=lambda k: self.gaussian[k])
+        symbols = [[0] * 6 for _ in self.pivot]
+        num_columns = 6 if steps[1] > 0 else 3
+        columns = self._columns(stream, rows, (num_columns, steps))
         for c, column in enumerate(columns):
             for k, s in zip(rows, column, strict=True):
                 require(abs(s) <= 2 * STATE_LIMIT // steps[min(c // 3, 1)])
                 symbols[k][c] = s
         return symbols
 
-    def _prior_columns(
-        self, stream: RangeDecoder, model: PriorModel, rows: Row, coding: tuple[int, tuple[int, int], int]
-    ) -> Iterator[Row]:
-        """17.5; `coding` is the number of columns, the steps and `temporal_weight`."""
-        num_columns, steps, temporal_weight = coding
-        habits = [self._habit(k, steps, temporal_weight) for k in rows]
-        inputs = [self._prior_inputs(k, len(rows), habit) for k, habit in zip(rows, habits, strict=True)]
+    def _columns(self, stream: RangeDecoder, rows: Row, coding: tuple[int, tuple[int, int]]) -> Iterator[Row]:
+        """14.3; `coding` is the number of columns and the steps."""
+        num_columns, steps = coding
+        model = self.prior
+        assert model is not None
+        habits = [self._habit(k, steps) for k in rows]
+        inputs = [self._prior_inputs(k, habit) for k, habit in zip(rows, habits, strict=True)]
         columns: Matrix = []
         residuals: Matrix = []
         for c in range(num_columns):
@@ -1535,14 +1409,13 @@ class MotionField:
             columns.append(value)
             residuals.append(residual)
 
-    def _habit(self, k: int, steps: tuple[int, int], temporal_weight: int) -> Row:
-        """17.5: in six columns."""
-        left = 4 * (4 - temporal_weight)
-        turns = [h * left // steps[1] if steps[1] > 0 else 0 for h in self.habit_v[k]]
-        return [*(h * left // steps[0] for h in self.habit_t[k]), *turns]
+    def _habit(self, k: int, steps: tuple[int, int]) -> Row:
+        """14.3: the expected change in six columns."""
+        turns = [16 * h // steps[1] if steps[1] > 0 else 0 for h in self.habit_v[k]]
+        return [*(16 * h // steps[0] for h in self.habit_t[k]), *turns]
 
-    def _prior_inputs(self, k: int, num_coded: int, habit: Row) -> Row:
-        """17.5: x."""
+    def _prior_inputs(self, k: int, habit: Row) -> Row:
+        """14.3: x."""
         level, stop = self.levels[k]
         x = [16 * level, log(size(self.last.symbols[k])), log(size(habit))]
         point = self.binding[k]
@@ -1551,7 +1424,7 @@ class MotionField:
         else:
             efforts = [effort >> 4 for effort in point.effort]
             x += [efforts[point.choice], max(efforts) - min(efforts)]
-        x.append(64 if stop >= num_coded else 0)
+        x.append(64 if stop == len(self.pivot) else 0)
         return [min(value, 255) for value in x]
 
     def _displace(self, k: int, x: Row) -> Row:
@@ -1568,16 +1441,14 @@ class MotionField:
     def turns(self, point: Gathered) -> Matrix:
         return point.candidates([self.v[k] for k in point.rank])
 
-    def _move(self, symbols: Matrix, temporal_weight: int, steps: tuple[int, int]) -> None:
+    def _move(self, symbols: Matrix, steps: tuple[int, int]) -> None:
         """14.4."""
         self.translation_step, turn_step = steps
         for k, point in enumerate(self.binding):
-            t = [round_shift(h * temporal_weight, 2) for h in self.habit_t[k]]
-            v = [round_shift(h * temporal_weight, 2) for h in self.habit_v[k]]
+            t, v = [0] * 3, [0] * 3
             if point is not None:
-                displacement = self.displacements(point, self.pivot[k])[point.choice]
-                t = [a + b for a, b in zip(t, displacement, strict=True)]
-                v = [a + b for a, b in zip(v, self.turns(point)[point.choice], strict=True)]
+                t = self.displacements(point, self.pivot[k])[point.choice]
+                v = self.turns(point)[point.choice]
             s, limit = symbols[k], 2 * STATE_LIMIT
             self.t[k] = [clip(t[a] + s[a] * self.translation_step, -limit, limit) for a in range(3)]
             self.v[k] = [0] * 3
@@ -1586,13 +1457,7 @@ class MotionField:
             self.matrices[k] = matrix(self.v[k])
 
     def carry(self, reference: State, follows: list[bool]) -> State:
-        """14.5, or 14.7."""
-        if self.spread is not None:
-            steps = [self.steps[0]] * 3 + [self.steps[1]] * 4
-            motions = [
-                [s * step for s, step in zip(symbols, steps, strict=True)] for symbols in self.last.symbols
-            ]
-            return self.spread_motions(reference, follows, motions, self.spread)
+        """14.5."""
         planes = dict(reference.planes)
         positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
         for i, point in enumerate(self.points):
@@ -1609,38 +1474,8 @@ class MotionField:
         planes[POSITION], planes[ROTATION] = positions, rotations
         return State(planes, reference.order)
 
-    def _neighbours(self, k: int, spread: tuple[int, int]) -> list[tuple[int, int]]:
-        """14.7: of a control point; they stay for the GoF."""
-        if (k, *spread) not in self._found:
-            cell = self.first_cells[self.gaussian[k]]
-            self._found[(k, *spread)] = neighbours(cell, self.first_cells, *spread)
-        return self._found[(k, *spread)]
-
-    def spread_motions(
-        self, reference: State, follows: list[bool], motions: Matrix, spread: tuple[int, int]
-    ) -> State:
-        """14.7, with the seven components of each control point."""
-        total = [[0] * 7 for _ in self.first_cells]
-        for k, m in enumerate(motions):
-            for i, weight in self._neighbours(k, spread):
-                total[i] = [a + weight * b for a, b in zip(total[i], m, strict=True)]
-        planes = dict(reference.planes)
-        positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
-        for i, origin in enumerate(self.origin):
-            if origin is None or not follows[i]:
-                continue
-            received = [round_shift(value, 16) for value in total[origin]]
-            positions[i] = [clip(positions[i][c] + received[c], -STATE_LIMIT, STATE_LIMIT) for c in range(3)]
-            r = [rotations[i][c] + clip(received[3 + c], -(2**24), 2**24) for c in range(4)]
-            if any(received[3:]) and any(r):
-                rotations[i] = normalise(r)
-        planes[POSITION], planes[ROTATION] = positions, rotations
-        return State(planes, reference.order)
-
     def learn(self, reference: Matrix, decoded: Matrix) -> None:
-        """14.6, from positions; nothing is learnt where motion was spread."""
-        if self.spread is not None:
-            return
+        """14.6, from positions."""
         for i, point in enumerate(self.points):
             if self.last.follows[i]:
                 actual = [a - b for a, b in zip(decoded[i], reference[i], strict=True)]
@@ -1658,16 +1493,6 @@ class MotionField:
             [clip(x + d, -STATE_LIMIT, STATE_LIMIT) for x, d in zip(*pair, strict=True)]
             for pair in zip(self.pivot, self.t, strict=True)
         ]
-
-
-def control_columns(stream: RangeDecoder, num_coded: int, hint: Row, num_columns: int) -> Iterator[Row]:
-    """14.3."""
-    residuals: Matrix = []
-    for _ in range(num_columns):
-        sources = [[abs(r) for r in residual] for residual in residuals] + [hint]
-        value, residual = column(stream, Lods(num_coded), residuals, sources)
-        yield value
-        residuals.append(residual)
 
 
 def zeros(count: int) -> Matrix:
@@ -1731,6 +1556,7 @@ class Gof:
         self._intra = self.state.positions
         self.normalisation = Normalisation(self._intra)
         self._motion: MotionField | None = None
+        self._spreading: Spreading | None = None
 
     @property
     def motion(self) -> MotionField:
@@ -1740,14 +1566,21 @@ class Gof:
         return self._motion
 
     @property
+    def spreading(self) -> Spreading:
+        """The same of profile PAPER (16.6)."""
+        if self._spreading is None:
+            self._spreading = Spreading(self._intra, self.control)
+        return self._spreading
+
+    @property
     def points(self) -> list[Gathered]:
-        """17.4: efforts and choices of the Gaussians; 0 where nothing has moved."""
+        """12.3: efforts and choices of the Gaussians; 0 where nothing has moved."""
         return self._motion.points if self._motion else [Gathered([], [])] * len(self.anchors)
 
     def _anchored(self, anchors: Matrix) -> None:
         self.anchors, self.lods = anchors, Lods(len(anchors), anchors)
 
-    def keep(self, kept: Row, block_log2: int) -> None:
+    def keep(self, kept: Row) -> None:
         """15.2."""
         if len(kept) == len(self.anchors):
             return
@@ -1762,14 +1595,14 @@ class Gof:
         self._anchored([self.anchors[i] for i in kept])
         self.cover = [self.cover[i] for i in kept]
         for attribute, activity in self.history.items():
-            count = num_blocks(len(kept), block_log2)
+            count = num_blocks(len(kept))
             self.history[attribute] = activity.of(lambda rows: [rows[i] for i in kept], count)
 
-    def settle(self, topology: Topology, block_log2: int) -> None:
+    def settle(self, topology: Topology) -> None:
         """15.4: births and places."""
         rows = [Place(False, i) for i in range(len(self.anchors))]
         if topology.births is not None:
-            rows = self._insert(topology.births, block_log2)
+            rows = self._insert(topology.births)
         expected = list(range(len(rows)))
         if self.state.order is not None:
             survivors = self.state.order
@@ -1780,7 +1613,7 @@ class Gof:
             self.state.order = [a + b for a, b in zip(topology.places, expected, strict=True)]
             require(sorted(self.state.order) == list(range(len(rows))))
 
-    def _insert(self, births: Intra, block_log2: int) -> list[Place]:
+    def _insert(self, births: Intra) -> list[Place]:
         born = births.state.positions
         rows = interleaved(self.motion.cells, [self.motion.cell(position) for position in born])
         self.motion.insert(born, rows)
@@ -1790,7 +1623,7 @@ class Gof:
         self._anchored(merged(rows, self.anchors, anchors))
         self.cover = merged(rows, self.cover, births.cover)
         for attribute, activity in self.history.items():
-            count = num_blocks(len(rows), block_log2)
+            count = num_blocks(len(rows))
             self.history[attribute] = activity.of(
                 lambda old: merged(rows, old, [[0] * len(old[0]) for _ in born]), count
             )
@@ -1889,7 +1722,7 @@ def rows_of(array: Array) -> Matrix:
 
 def find_model(sequence: Sequence, models: Models, networks: tuple[str, ...]) -> dict[str, Array]:
     """A model of the profile has `networks`."""
-    if not sequence.model_id or sequence.model_id not in models:
+    if sequence.model_id not in models:
         raise ModelMismatch
     arrays = {name: Array(*array) for name, array in models[sequence.model_id].items()}
     if model_hash(arrays)[:8] != sequence.model_hash:
@@ -1993,11 +1826,11 @@ def hyper_latents(stream: RangeDecoder, model: FrozenModel, n: int) -> Matrix:
 
 
 def latent_motions(
-    model: FrozenModel, motion: MotionField, prior: Priors, payloads: tuple[Fields | None, Fields]
+    model: FrozenModel, gaussian: Row, prior: Priors, payloads: tuple[Fields | None, Fields]
 ) -> tuple[Matrix, tuple[int, int]]:
-    """6.5, 16.4: m, and what 14.7 spreads with."""
+    """6.5, 16.4: m, and what 16.6 spreads with."""
     hyper, fields = payloads
-    n = len(motion.gaussian)
+    n = len(gaussian)
     h = [[0] * 16] * n
     if hyper is not None:
         stream = RangeDecoder(hyper.data)
@@ -2008,7 +1841,7 @@ def latent_motions(
     require(num_coded == n and -4 <= step_log2 <= 6)
     require(1 <= spread[0] <= 128 and abs(spread[1]) <= 28)
     stream = RangeDecoder(fields.raw(len(fields.data) - fields.place))
-    u = [model.network("fusion", h[k] + prior.of(motion.gaussian[k])) for k in range(n)]
+    u = [model.network("fusion", h[k] + prior.of(gaussian[k])) for k in range(n)]
     scales = [clip(((c + 32) >> 6) - 6 * step_log2, 0, 159) for row in u for c in row[16:]]
     values = stream.residuals(scales, {scale: GAUSSIAN * 160 + scale for scale in range(160)})
     stream.finish()
@@ -2023,7 +1856,7 @@ def latent_motions(
 
 
 def motion_of_output(m: Row, size: int) -> Row:
-    """16.5: in the units of 14.7."""
+    """16.5."""
     m = [shift_left(c, size - 16) for c in m[:3]] + [c << 8 for c in m[3:]]
     return [clip(c, -2 * STATE_LIMIT, 2 * STATE_LIMIT) for c in m]
 
@@ -2042,6 +1875,72 @@ def refined(planes: dict[int, Matrix], changes: Matrix, sequence: Sequence) -> d
         ]
         start = stop
     return planes
+
+
+#: 16.6
+DECAY = [
+    *(16773120, 16769026, 16760840, 16744480, 16711808, 16646655, 16517109, 16261035),
+    *(15760736, 14805841, 13066109, 10175896, 6171993, 2270549, 307285, 5628),
+]
+
+
+def decayed(x: int) -> int:
+    if x >= 2**16:
+        return 0
+    r = 2**24
+    for b in range(16):
+        if x >> b & 1:
+            r = round_shift(r * DECAY[b], 24)
+    return r
+
+
+def neighbours(cell: Row, cells: Matrix, num_neighbours: int, decay_exponent: int) -> list[tuple[int, int]]:
+    """16.6: Gaussians of the I-frame and their weights."""
+    squared = [squared_distance(cell, other) for other in cells]
+    nearest = sorted(range(len(cells)), key=lambda i: (squared[i], i))[: min(num_neighbours, len(cells))]
+    shift = decay_exponent + 8
+    distance = [math.isqrt(squared[i] << 8) for i in nearest]
+    beyond = [d - distance[0] for d in distance]
+    left = [decayed(b << shift if shift >= 0 else b >> -shift) for b in beyond]
+    weight = [(v << 16) // sum(left) for v in left]
+    weight[0] += 2**16 - sum(weight)
+    return list(zip(nearest, weight, strict=True))
+
+
+class Spreading:
+    """16.6: control points of a GoF, and over whom they spread their motion."""
+
+    def __init__(self, positions: Matrix, control: ControlHeader) -> None:
+        middle = positions[len(positions) // 2]
+        self.cells = [
+            [clip((a - b) >> control.shift, -(2**20), 2**20) for a, b in zip(p, middle, strict=True)]
+            for p in positions
+        ]
+        self.gaussian = farthest(self.cells, min(max(1, len(positions) // control.spacing), 16384))
+        self._found: dict[tuple[int, int], list[list[tuple[int, int]]]] = {}
+
+    def _neighbours(self, spread: tuple[int, int]) -> list[list[tuple[int, int]]]:
+        """Of each control point; they stay for the GoF."""
+        if spread not in self._found:
+            self._found[spread] = [neighbours(self.cells[i], self.cells, *spread) for i in self.gaussian]
+        return self._found[spread]
+
+    def moved(self, reference: State, motions: Matrix, spread: tuple[int, int]) -> State:
+        """With the seven components of each control point."""
+        total = [[0] * 7 for _ in self.cells]
+        for m, found in zip(motions, self._neighbours(spread), strict=True):
+            for i, weight in found:
+                total[i] = [a + weight * b for a, b in zip(total[i], m, strict=True)]
+        planes = dict(reference.planes)
+        positions, rotations = list(planes[POSITION]), list(planes[ROTATION])
+        for i, row in enumerate(total):
+            received = [round_shift(value, 16) for value in row]
+            positions[i] = [clip(positions[i][c] + received[c], -STATE_LIMIT, STATE_LIMIT) for c in range(3)]
+            r = [rotations[i][c] + clip(received[3 + c], -(2**24), 2**24) for c in range(4)]
+            if any(received[3:]) and any(r):
+                rotations[i] = normalise(r)
+        planes[POSITION], planes[ROTATION] = positions, rotations
+        return State(planes, reference.order)
 
 
 # --- 17 the frozen prior of profile MAIN ------------------------------------------------------------------
@@ -2152,7 +2051,7 @@ def prior_column(stream: RangeDecoder, model: PriorModel, lods: Lods, column: Pr
 
 @dataclass
 class Prior:
-    """17.4: what a stream of a RESIDUAL chunk is decoded with."""
+    """12.3: what a stream of a RESIDUAL chunk is decoded with."""
 
     model: PriorModel
     points: list[Gathered]
@@ -2179,10 +2078,8 @@ class Prior:
         return [min(value, 255) for value in x]
 
 
-def prior_coded_rows(
-    stream: RangeDecoder, model: PriorModel, lods: Lods, density: Row, inputs: Matrix
-) -> Row:
-    """17.4: flags; `density` of each Gaussian's block."""
+def coded_rows(stream: RangeDecoder, model: PriorModel, lods: Lods, density: Row, inputs: Matrix) -> Row:
+    """12.4; `density` of each Gaussian's block."""
     s = [256 if d == 3 else 0 for d in density]
     lods = lods.finest(5)
 
@@ -2203,10 +2100,10 @@ def prior_coded_rows(
     return [i for i, share in enumerate(s) if share]
 
 
-def prior_columns(
+def columns_of(
     stream: RangeDecoder, model: PriorModel, lods: Lods, old: Activity, rows: tuple[Matrix, list[bool]]
 ) -> Matrix:
-    """17.4: columns; of coded rows the activity before, the common inputs and whether there is a flag."""
+    """12.5; of coded rows the activity before, the common inputs and whether there is a flag."""
     inputs, flagged = rows
     columns: Matrix = []
     residuals: Matrix = []
@@ -2285,7 +2182,7 @@ def sequence_header(fields: Fields) -> Sequence:
     require(all(abs(o) <= 1 << 52 for o in origin) and precision <= 1)
     model_id = fields.raw(fields.uvarint())
     require(len(model_id) <= 64 and model_id.isascii())
-    hashed = fields.raw(8) if model_id else b""
+    hashed = fields.raw(8)
     require(fields.place == len(fields.data))
     exponents = {POSITION: position, SCALE: scale, ROTATION: -24, OPACITY: opacity, SH_DC: color}
     found = Sequence(sh_degree, num_frames, numbers, exponents, profile, model_id.decode("ascii"), hashed)
@@ -2350,8 +2247,8 @@ def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof | None, 
         return frame_hash, None, False
     has_permutation, has_escapes = bool(fields.u8()), fields.u8()
     require(has_escapes <= (1 if kind == 1 else 0))
-    control = ControlHeader(fields.u8(), fields.uvarint(), fields.u8())
-    require(control.rule in (0, 1) and control.spacing >= 1 and control.shift <= 31)
+    control = ControlHeader(fields.uvarint(), fields.u8())
+    require(control.spacing >= 1 and control.shift <= 31)
     require(min(n // control.spacing, 16384) <= (4096 if sequence.level == 1 else 16384))
     coding = (sequence.exponents, has_permutation)
     if kind == 1:
@@ -2423,7 +2320,7 @@ class Decoder:
         if self.sequence.profile == PAPER:
             networks: tuple[str, ...] = ("fusion", "synthesis")
             self._model = FrozenModel(find_model(self.sequence, models or {}, networks))
-        elif self.sequence.model_id:
+        else:
             networks = ("flags", "columns", "control")
             self._prior = PriorModel(find_model(self.sequence, models or {}, networks))
 
@@ -2474,7 +2371,6 @@ class Decoder:
             and mask < 1 << len(self.sequence.attributes)
         )
         require(mask > 0 or not tools & VISIBILITY)
-        block_log2 = fields.u8() if tools or mask else 3
         steps = {attribute: fields.uvarint() for attribute in attributes}
         levels = {attribute: fields.svarint() for attribute in attributes if tools & VISIBILITY}
         require(all(abs(level) <= STATE_LIMIT for level in levels.values()))
@@ -2486,22 +2382,22 @@ class Decoder:
         if tools & TOPOLOGY:
             n = len(gof.state.positions)
             topology = topology_chunk(self._following(0x23, frame_index), self.sequence, n)
-            gof.keep(topology.kept, block_log2)
+            gof.keep(topology.kept)
         reference = gof.state.positions
         if tools & MOTION:
-            motion = gof.motion.decode(self._following(0x22, frame_index), block_log2)
+            motion = gof.motion.decode(self._following(0x22, frame_index))
             gof.state = gof.motion.carry(gof.state, motion.follows)
         activity: dict[int, Activity] = {}
         frame_steps = Steps(steps, levels, self.sequence.exponents, gof.cover)
         if mask:
             fields = self._following(0x24, frame_index)
-            activity = residual(fields, gof, frame_steps, (block_log2, motion))
+            activity = residual(fields, gof, frame_steps, motion)
         gof.history = activity
         gof.state = reconstruct_inter(activity, frame_steps, gof.state)
         if motion:
             gof.motion.learn(reference, gof.state.positions)
         if topology:
-            gof.settle(topology, block_log2)
+            gof.settle(topology)
         if tools & ESCAPE:
             self._escape(frame_index, gof)
         return frame_hash
@@ -2523,10 +2419,10 @@ class Decoder:
             if "hyper_synthesis" in model.networks:
                 hyper = self._following(0x21, frame_index)
             fields = self._following(0x22, frame_index)
-            motions, spread = latent_motions(model, gof.motion, prior, (hyper, fields))
-            n, size = len(reference.positions), gof.normalisation.size
+            motions, spread = latent_motions(model, gof.spreading.gaussian, prior, (hyper, fields))
+            size = gof.normalisation.size
             in_units = [motion_of_output(m, size) for m in motions]
-            gof.state = gof.motion.spread_motions(reference, [True] * n, in_units, spread)
+            gof.state = gof.spreading.moved(reference, in_units, spread)
         if tools & REFINEMENT:
             changes = [model.network("refinement", prior.of(i)) for i in range(len(reference.positions))]
             gof.state = State(refined(gof.state.planes, changes, self.sequence), gof.state.order)
@@ -2535,33 +2431,30 @@ class Decoder:
         return frame_hash
 
 
-def residual(
-    fields: Fields, gof: Gof, steps: Steps, coding: tuple[int, MotionSymbols | None]
-) -> dict[int, Activity]:
-    """6.4; `coding` is block_log2 and what moves, if the frame has the tool MOTION."""
-    block_log2, motion = coding
+def residual(fields: Fields, gof: Gof, steps: Steps, motion: MotionSymbols | None) -> dict[int, Activity]:
+    """6.4; `motion`: if the frame has that tool."""
     n = len(gof.state.positions)
-    count = num_blocks(n, block_log2)
+    count = num_blocks(n)
 
     def nothing(num_columns: int) -> Activity:
         memory = [[0] * (1 + num_columns) for _ in range(n)]
         return Activity([[0] * num_columns for _ in range(n)], [0] * count, [0] * count, memory)
 
     activity: dict[int, Activity] = {}
-    beside = motion.beside() if motion else nothing(1)
+    beside = motion.mode if motion else [0] * count
     follows = motion.follows if motion else [False] * n
-    prior = Prior(gof.prior, gof.points, follows, gof.history, activity) if gof.prior else None
+    assert gof.prior is not None
+    prior = Prior(gof.prior, gof.points, follows, gof.history, activity)
     attributes = sorted(steps.steps)
     streams = open_streams(fields, len(attributes))
     for attribute, stream in zip(attributes, streams, strict=True):
         before = gof.history.get(attribute)
-        if before is None or len(before.density) != count:
+        if before is None:
             before = nothing(3 if attribute == ROTATION else COLUMNS[attribute])
-        if prior is not None:
-            coarseness = steps.coarseness(attribute, gof.state)
-            prior = replace(prior, attribute=attribute, before=before, coarseness=coarseness)
-        beside = inter_attribute(stream, gof.lods, (before, beside), block_log2, prior)
-        activity[attribute] = beside
+        coarseness = steps.coarseness(attribute, gof.state)
+        prior = replace(prior, attribute=attribute, before=before, coarseness=coarseness)
+        activity[attribute] = inter_attribute(stream, gof.lods, beside, prior)
+        beside = activity[attribute].density
     return activity
 
 

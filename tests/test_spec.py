@@ -38,8 +38,6 @@ from dfcgs_codec.bitstream import constants
 from dfcgs_codec.bitstream.constants import (
     Attribute,
     ChunkType,
-    Compensation,
-    ControlRule,
     IntraKind,
     OutputOrder,
     Precision,
@@ -49,12 +47,12 @@ from dfcgs_codec.bitstream.constants import (
 from dfcgs_codec.bitstream.container import ContainerWriter
 from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps, SortGrid
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
-from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
+from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
-from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
+from dfcgs_codec.codec.activity import BLOCK_LOG2, AttributeActivity, InterSymbols
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.motion import MotionSymbols, classify_modes
+from dfcgs_codec.codec.motion import MotionSymbols
 from dfcgs_codec.codec.residual_context import log_of
 from dfcgs_codec.codec.side_information import (
     code_signed,
@@ -62,13 +60,12 @@ from dfcgs_codec.codec.side_information import (
     code_weights,
     histogram_models,
 )
-from dfcgs_codec.codec.symbols import SymbolCoder, T
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder import frame_coding, streams
+from dfcgs_codec.encoder.block_classes import classify_modes
 from dfcgs_codec.encoder.intra_plan import IntraTarget
 from dfcgs_codec.encoder.latent_coding import LatentCoder
 from dfcgs_codec.encoder.motion_choice import MotionTrial
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
@@ -132,8 +129,6 @@ _ENUMS = {
         OutputOrder,
         Precision,
         IntraKind,
-        ControlRule,
-        Compensation,
         Tool,
         Attribute,
         tables.Shape,
@@ -604,11 +599,6 @@ class RandomWriter(SymbolWriter):
     def choice(self, size: int, evidence: Callable[[], int]) -> int:
         return super().choice(size, lambda: int(self.rng.integers(size)))
 
-    def either(self, walk: Callable[[SymbolCoder, bool], T]) -> T:
-        self.preferred = self.rng.random() < 0.7
-        super().choice(2, lambda: int(bool(self.preferred)))
-        return walk(self, self.preferred)
-
     def predictor(self, num_before: int, evidence: Any) -> Any:
         return self.center(evidence), self.weights(1 + num_before, None), self.weights(2 + num_before, None)
 
@@ -637,11 +627,9 @@ class _FlaggedActivity(AttributeActivity):
         return super().significant() | self.flagged
 
 
-def _inter_symbols(
-    rng: np.random.Generator, planes: list[Attribute], count: int, block_log2: int
-) -> InterSymbols:
+def _inter_symbols(rng: np.random.Generator, planes: list[Attribute], count: int) -> InterSymbols:
     activity: dict[Attribute, AttributeActivity] = {}
-    block = np.arange(count) >> block_log2
+    block = np.arange(count) >> BLOCK_LOG2
     for attribute in planes:
         if rng.random() < 0.3:
             continue
@@ -671,32 +659,23 @@ def _random_grid(rng: np.random.Generator) -> SortGrid:
 
 
 def _random_control(rng: np.random.Generator) -> ControlHeader:
-    return ControlHeader(
-        ControlRule(int(rng.integers(2))), int(rng.choice([1, 2, 7, 1000])), int(rng.integers(0, 9))
-    )
+    return ControlHeader(int(rng.choice([1, 2, 7, 1000])), int(rng.integers(0, 9)))
 
 
-def _random_motion(rng: np.random.Generator, before: GofState, block_log2: int) -> MotionTrial | None:
+def _random_motion(rng: np.random.Generator, before: GofState) -> MotionTrial | None:
     if rng.random() < 0.3:
         return None
     motion = before.motion()
     points, count = motion.field.num_points, before.frame.num_gaussians
-    spread = None
-    if rng.random() < 0.4:
-        spread = SpreadHeader(int(rng.choice([1, 5, 30, 64])), int(rng.integers(-12, 3)))
     header = MotionHeader(
-        int(rng.integers(0, points + 1)),
-        int(rng.integers(0, 5)) if spread is None else 0,
         int(rng.integers(1, 300)),
-        int(rng.choice([0, 1, 900] if spread is None else [0, 9, 700_000])),
-        spread,
+        int(rng.choice([0, 1, 900])),
     )
-    control = rng.integers(-9, 10, (points, 7)) * (rng.random((points, 7)) < rng.random())
-    control[header.num_coded :] = 0
+    control = rng.integers(-9, 10, (points, 6)) * (rng.random((points, 6)) < rng.random())
     control[:, header.num_columns :] = 0
     follows = rng.random(count) < rng.choice([0.0, 0.5, 1.0])
-    symbols = MotionSymbols(control, classify_modes(follows, block_log2), follows)
-    return MotionTrial(header, symbols, motion.carry(header, symbols, before.frame), 0.0)
+    symbols = MotionSymbols(control, classify_modes(follows), follows)
+    return MotionTrial(header, symbols, motion.carry(header, symbols, before.frame))
 
 
 def _random_topology(
@@ -755,7 +734,7 @@ def _random_intra(
 ) -> frame_coding.CodedFrame:
     # passes with two quantisers, now and then
     count = int(rng.integers(1, rng.choice([20, 200, 200, 1200])))
-    model = registry.context_model(header.model_id) if header.model_id else None
+    model = registry.context_model(header.model_id)
     setup = GofSetup(_random_control(rng), header.unit_exponents, model)
     if rng.random() < 0.3:
         permutation = rng.permutation(count) if rng.random() < 0.5 else None
@@ -769,34 +748,31 @@ def _random_intra(
 def _random_inter(
     rng: np.random.Generator, index: int, attributes: list[Attribute], before: frame_coding.CodedFrame
 ) -> frame_coding.CodedFrame:
-    # blocks of 16 and of 32 are the same number for a few Gaussians, and history goes on
-    block_log2 = int(rng.choice([3, 4, 5], p=[0.7, 0.2, 0.1]))
     present = attributes if rng.random() < 0.8 else []
     change = _random_topology(rng, before.state, attributes)
     state = before.state
     if change is not None:
-        state = state.survivors(change.kept, block_log2)
-    symbols = _inter_symbols(rng, present, state.frame.num_gaussians, block_log2)
+        state = state.survivors(change.kept)
+    symbols = _inter_symbols(rng, present, state.frame.num_gaussians)
     steps = {attribute: int(rng.integers(1, 3000)) for attribute in attributes}
-    trial = _random_motion(rng, state, block_log2)
+    trial = _random_motion(rng, state)
     levels = {}
     if rng.random() < 0.6:
         levels = {attribute: int(rng.integers(-500, 500)) for attribute in attributes}
-    coding = frame_coding.ResidualCoding(steps, block_log2, levels)
+    coding = frame_coding.ResidualCoding(steps, levels)
     coded = frame_coding.code_inter_frame(index, symbols, state, coding, trial, change)
     for activity in coded.state.history.activity.values():
         np.clip(activity.magnitude, 0, 23, out=activity.magnitude)
     return coded
 
 
-def _random_file(rng: np.random.Generator, model: ContextModel | None = None) -> bytes:
+def _random_file(rng: np.random.Generator, model: ContextModel) -> bytes:
     sh_degree, num_frames = int(rng.integers(2)), 6
     attributes = list(Attribute)[: Attribute.SH_1 + sh_degree]
     numbers = FrameNumbers.of(sorted(rng.choice(12, num_frames, replace=False).tolist()))
     units = UnitExponents(*rng.integers(-16, -10, 4).tolist())
     header = SequenceHeader(Profile.MAIN, 1, sh_degree, OutputOrder.FREE, (25, 1), numbers, units)
-    if model is not None:
-        header = replace(header, model_id=model.model_id, model_hash=model.digest[:8])
+    header = replace(header, model_id=model.model_id, model_hash=model.digest[:8])
     file = io.BytesIO()
     writer = ContainerWriter(file, header)
     coded = None
@@ -819,9 +795,10 @@ def _random_file(rng: np.random.Generator, model: ContextModel | None = None) ->
 @pytest.mark.parametrize("seed", range(30))
 def test_random_choices(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(seed)
+    model, models = _random_prior(seed, monkeypatch)
     monkeypatch.setattr(streams, "SymbolWriter", RandomWriter)
     monkeypatch.setattr(RandomWriter, "rng", rng)
-    _check_file(_random_file(rng))
+    _check_file(_random_file(rng, model), models)
 
 
 # --- section 16 -------------------------------------------------------------------------------------------
@@ -843,7 +820,7 @@ def _as_text_reads(arrays: dict[str, np.ndarray]) -> dict[str, Any]:
         (2, 2, (), {"refinement": RefinementMode.ON, "latent_step": 0.5, "control_spacing": 9}),
         (3, 3, ("hyper_synthesis", "grid_context"), {"latent_step": 8, "num_neighbours": 5, "qp": 40}),
         (4, 1, ("appearance",), {"refinement": RefinementMode.ON, "intra": IntraKind.PLY, "gof_size": 2}),
-        (5, 1, ("refinement",), {"control_rule": ControlRule.STRIDE, "latent_step": 1 / 16, "qp": 8}),
+        (5, 1, ("refinement",), {"latent_step": 1 / 16, "qp": 8}),
     ],
 )
 def test_networks(
@@ -901,8 +878,7 @@ def _waving(frames: list[GaussianCloud]) -> list[GaussianCloud]:
     return [helpers.waving(cloud, 0.1 * index) for index, cloud in enumerate(frames)]
 
 
-_MOVING: dict[str, Any] = {"motion": MotionMode.ON, "control_spacing": 15}
-_SPREAD: dict[str, Any] = {**_MOVING, "compensation": Compensation.SPREAD}
+_MOVING: dict[str, Any] = {"control_spacing": 15}
 #: frames, and options of the encoder
 PRIOR_SEQUENCES: dict[str, tuple[Callable[[], list[GaussianCloud]], dict[str, Any]]] = {
     "tracked": (lambda: helpers.drifting(helpers.real_cloud(300), 4), {}),
@@ -917,8 +893,6 @@ PRIOR_SEQUENCES: dict[str, tuple[Callable[[], list[GaussianCloud]], dict[str, An
     "verbatim": (lambda: helpers.all_changing(helpers.make_cloud(100), 3), {"intra": IntraKind.PLY}),
     "motion": (lambda: _waving(helpers.still(_small(300), 5)), _MOVING),
     "motion and change": (lambda: _waving(helpers.all_changing(_small(400, 1), 4)), _MOVING),
-    "spread": (lambda: _waving(helpers.all_changing(_small(300, 1), 4)), _SPREAD),
-    "spread, births and deaths": (lambda: helpers.succeeding(_small(300), 4), _SPREAD),
     "births and deaths": (lambda: helpers.succeeding(_small(600), 4), {"control_spacing": 20}),
     "lost order": (
         lambda: helpers.succeeding(_small(300, 1), 4, shuffle=True),
@@ -932,31 +906,15 @@ PRIOR_SEQUENCES: dict[str, tuple[Callable[[], list[GaussianCloud]], dict[str, An
 }
 
 
-@pytest.mark.parametrize("mode", [PriorMode.NETWORK, PriorMode.AUTO])
 @pytest.mark.parametrize("name", PRIOR_SEQUENCES)
-def test_priors(name: str, mode: PriorMode, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Networks and tables of random integers, in every stream or where they happen to do better."""
+def test_priors(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Networks and tables of random integers."""
     make, changes = PRIOR_SEQUENCES[name]
     _, models = _random_prior(sorted(PRIOR_SEQUENCES).index(name), monkeypatch)
     target = tmp_path / "random.dgs"
-    report = encode_sequence(
-        make(), target, helpers.encoder_options(prior=mode, model_id="random", **changes)
-    )
+    report = encode_sequence(make(), target, helpers.encoder_options(model_id="random", **changes))
     assert sum(frame.kind == "P" for frame in report.frames) >= 2
     _check_file(target.read_bytes(), models)
-
-
-#: seeds that together tell all inputs of the networks apart
-_TELLING = (1006, 1008, 1010, 1011, 1014, 1015, 1016, 1018, 1024, 1032, 1035, 1047, 1051, 1086)
-
-
-@pytest.mark.parametrize("seed", _TELLING)
-def test_random_choices_with_a_prior(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(seed)
-    model, models = _random_prior(seed, monkeypatch)
-    monkeypatch.setattr(streams, "SymbolWriter", RandomWriter)
-    monkeypatch.setattr(RandomWriter, "rng", rng)
-    _check_file(_random_file(rng, model), models)
 
 
 def test_logarithms_are_those_of_the_text() -> None:
@@ -992,9 +950,8 @@ def test_models_that_do_not_fit(profile: Profile, tmp_path: Path, monkeypatch: p
         ({"model_id": "unknown"}, models),
         ({"model_hash": bytes(8)}, models),
         ({"model_hash": other.digest[:8]}, models),
+        ({"model_id": ""}, models),
     ]
-    if profile == Profile.PAPER:
-        refused.append(({"model_id": "", "model_hash": b""}, models))
     for changes, known in refused:
         damaged = _with_model(data, **changes)
         with pytest.raises(BitstreamError) as caught:
@@ -1071,7 +1028,6 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("num_gaussians", b"\xff\xff\x7f"), "limit"),
         (_patched("has_permutation", b"\2"), "limit"),
         (_patched("has_permutation", b"\0"), "corrupt"),
-        (_patched("control_rule", b"\2"), "unsupported"),
         (_patched("control_spacing", b"\0"), "corrupt"),
         (_patched("control_shift", bytes([32])), "limit"),
         (_patched("sort_shift", bytes([32])), "limit"),
@@ -1087,13 +1043,8 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("tools", b"\x0d"), "corrupt"),
         (_patched("tools", b"\x15"), "corrupt"),
         (_patched("visibility_level of POSITION", b"\x80\0"), "corrupt"),
-        (_patched("num_coded", b"\4"), "limit"),
-        (_patched("compensation", b"\2"), "unsupported"),
-        (_patched("temporal_weight", b"\5"), "limit"),
         (_patched("translation_step", b"\0"), "corrupt"),
         (_patched("attribute_mask", b"\x25"), "corrupt"),
-        (_patched("block_log2", b"\2"), "limit"),
-        (_patched("block_log2", b"\x0d"), "limit"),
     ],
 )
 def test_refusals(data: bytes, code: str) -> None:

@@ -30,8 +30,6 @@ from dfcgs_codec.bitstream.constants import (
     STATE_LIMIT,
     Attribute,
     ChunkType,
-    Compensation,
-    ControlRule,
     IntraKind,
     OutputOrder,
     Profile,
@@ -41,7 +39,6 @@ from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from dfcgs_codec.model.registry import installed
 from dfcgs_codec.ply import write_ply
@@ -55,7 +52,7 @@ from lab.options import encoder_options  # noqa: E402
 
 FOLDER = ROOT / "tests" / "conformance"
 PAPER = EncoderOptions(profile=Profile.PAPER)
-NETWORK = encoder_options(prior=PriorMode.NETWORK)
+MAIN = encoder_options()
 Sequence = tuple[list[GaussianCloud], EncoderOptions]
 
 
@@ -164,23 +161,9 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "names_over_gof_borders": (_waving(400, 5), encoder_options(gof_size=2, control_spacing=20)),
         "motion": (_waving(900, 4), encoder_options(control_spacing=20)),
-        "motion_by_stride": (
-            _waving(600, 3),
-            encoder_options(control_rule=ControlRule.STRIDE, control_spacing=30, qp=20),
-        ),
-        "motion_after_verbatim": (
-            _waving(300, 3),
-            encoder_options(intra=IntraKind.PLY, control_spacing=10),
-        ),
+        "motion_after_verbatim": (_waving(300, 3), encoder_options(intra=IntraKind.PLY, control_spacing=10)),
         "motion_only": (_waving(300, 4), encoder_options(motion=MotionMode.ONLY, control_spacing=12)),
-        "spread_motion": (
-            helpers.succeeding(_minute(400), 4),
-            encoder_options(compensation=Compensation.SPREAD, motion=MotionMode.ON, control_spacing=15),
-        ),
-        "births_and_deaths": (
-            helpers.succeeding(_minute(600), 4),
-            encoder_options(control_spacing=20),
-        ),
+        "births_and_deaths": (helpers.succeeding(_minute(600), 4), encoder_options(control_spacing=20)),
         "lost_order_topology": (
             helpers.succeeding(_minute(400, 1), 4, shuffle=True),
             encoder_options(control_spacing=20),
@@ -191,18 +174,16 @@ def valid_sequences() -> dict[str, Sequence]:
         ),
         "topology_after_verbatim": (
             helpers.succeeding(_minute(200), 3),
-            encoder_options(intra=IntraKind.PLY, control_rule=ControlRule.STRIDE, control_spacing=9),
+            encoder_options(intra=IntraKind.PLY, control_spacing=9),
         ),
         "paper": (helpers.swaying(helpers.real_cloud(900), 4), PAPER),
         "paper_coarse_sh3": (
             helpers.swaying(helpers.make_cloud(400, 3), 3, 0.8),
             encoder_options(PAPER, latent_step=2, control_spacing=60, num_neighbours=24),
         ),
-        "paper_fine_by_stride": (
+        "paper_fine": (
             helpers.swaying(helpers.make_cloud(500), 7, 0.3),
-            encoder_options(
-                PAPER, latent_step=0.25, control_rule=ControlRule.STRIDE, control_spacing=60, gof_size=5
-            ),
+            encoder_options(PAPER, latent_step=0.25, control_spacing=60, gof_size=5),
         ),
         "paper_refined": (
             helpers.swaying(helpers.real_cloud(400), 3),
@@ -212,19 +193,18 @@ def valid_sequences() -> dict[str, Sequence]:
             helpers.all_changing(helpers.make_cloud(60, 1), 3),
             encoder_options(PAPER, refinement=RefinementMode.ON, intra=IntraKind.PLY),
         ),
-        "plain_streams": (helpers.drifting(real, 3), encoder_options(NETWORK, prior=PriorMode.PLAIN)),
-        "prior_tracked_sh2": (helpers.drifting(helpers.real_cloud(500), 4), replace(NETWORK, gof_size=3)),
-        "prior_all_attributes_sh3": (helpers.all_changing(helpers.make_cloud(80, 3), 4), NETWORK),
-        "prior_many_levels": (helpers.drifting(helpers.make_cloud(2100), 2), replace(NETWORK, qp=24)),
-        "prior_few_gaussians": (helpers.all_changing(helpers.make_cloud(7), 3), NETWORK),
+        "prior_tracked_sh2": (helpers.drifting(helpers.real_cloud(500), 4), replace(MAIN, gof_size=3)),
+        "prior_all_attributes_sh3": (helpers.all_changing(helpers.make_cloud(80, 3), 4), MAIN),
+        "prior_many_levels": (helpers.drifting(helpers.make_cloud(2100), 2), replace(MAIN, qp=24)),
+        "prior_few_gaussians": (helpers.all_changing(helpers.make_cloud(7), 3), MAIN),
         "prior_uniform_steps": (
             helpers.all_changing(helpers.make_cloud(70, 1), 3),
-            encoder_options(NETWORK, visibility=False),
+            encoder_options(MAIN, visibility=False),
         ),
-        "prior_motion": (_waving(900, 5), encoder_options(NETWORK, control_spacing=20)),
+        "prior_motion": (_waving(900, 5), encoder_options(MAIN, control_spacing=20)),
         "prior_births_and_deaths": (
             helpers.succeeding(_minute(600), 5),
-            encoder_options(NETWORK, control_spacing=20),
+            encoder_options(MAIN, control_spacing=20),
         ),
         "escapes": (
             _with_far_ones(helpers.drifting(helpers.make_cloud(80), 6), {0: 1e12, 2: 1e9, 3: 1e9, 5: 1e30}),
@@ -335,7 +315,7 @@ def _refined_alone(data: bytes) -> bytes:
             return chunk
         frame_hash = replace(frames[chunk.frame_index], verbatim=None).hash()
         writer = ByteWriter()
-        InterHeader(frame_hash, frozenset({Tool.REFINEMENT}), 0, {}).write(writer)
+        InterHeader(frame_hash, frozenset({Tool.REFINEMENT}), {}).write(writer)
         return replace(chunk, payload=writer.getvalue())
 
     return _chunks_with(data, rewrite)

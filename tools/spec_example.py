@@ -20,11 +20,10 @@ from unittest import mock
 import numpy as np
 
 from dfcgs_codec.bitstream.constants import (
+    MODEL_HASH_BYTES,
     STATE_LIMIT,
     Attribute,
     ChunkType,
-    Compensation,
-    ControlRule,
     IntraKind,
     OutputOrder,
     Precision,
@@ -68,6 +67,7 @@ from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.entropy.coder import Model
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, scale_table
+from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
 from dfcgs_codec.transform.rotation import round_divide
 
 SPEC = Path(__file__).resolve().parents[1] / "bitstream_spec.md"
@@ -76,8 +76,8 @@ T = TypeVar("T")
 
 _FLAT_BIAS = 5
 _BYTES_PER_LINE = 16
-_BLOCK_LOG2 = 3
 
+_PRIOR = context_model(DEFAULT_PRIOR)
 _HEADER = SequenceHeader(
     profile=Profile.MAIN,
     level=1,
@@ -86,6 +86,8 @@ _HEADER = SequenceHeader(
     frame_rate=(30, 1),
     frame_numbers=FrameNumbers(((7, 2),)),
     unit_exponents=UnitExponents(position=-4, scale=-12, opacity=-12, color=-12),
+    model_id=_PRIOR.model_id,
+    model_hash=_PRIOR.digest[:MODEL_HASH_BYTES],
 )
 _STEPS = {
     Attribute.POSITION: 4,
@@ -94,13 +96,13 @@ _STEPS = {
     Attribute.OPACITY: 512,
     Attribute.SH_DC: 512,
 }
-_CONTROL = ControlHeader(ControlRule.STRIDE, spacing=1, shift=1)
-_MOTION = MotionHeader(num_coded=1, temporal_weight=0, translation_step=2, turn_step=4096)
+_CONTROL = ControlHeader(spacing=1, shift=1)
+_MOTION = MotionHeader(translation_step=2, turn_step=4096)
 _CONTROL_SYMBOLS = [[1, -1, 0, 0, 0, 2], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]
 _FOLLOWS = [False, True, False]
 #: the position of the second Gaussian, whose alpha is lower, has coarser steps
 _LEVELS = {attribute: 0 if attribute == Attribute.POSITION else -1000 for attribute in _STEPS}
-_RESIDUAL = frame_coding.ResidualCoding(_STEPS, _BLOCK_LOG2, _LEVELS)
+_RESIDUAL = frame_coding.ResidualCoding(_STEPS, _LEVELS)
 _GRID = SortGrid(shift=0, bits=2, origin=(-1, 0, 2), has_excess=False)
 _POSITIONS = [[-2, 0, 5], [0, 1, 9], [5, 7, 6]]
 #: in steps; axis 2 of the scales: how thin it is
@@ -219,7 +221,7 @@ def _motion(intra: frame_coding.CodedFrame) -> MotionTrial:
     motion = intra.state.motion()
     follows = np.array(_FOLLOWS)
     symbols = MotionSymbols(np.array(_CONTROL_SYMBOLS, np.int64), np.array([MIXED]), follows)
-    return MotionTrial(_MOTION, symbols, motion.carry(_MOTION, symbols, intra.state.frame), 0.0)
+    return MotionTrial(_MOTION, symbols, motion.carry(_MOTION, symbols, intra.state.frame))
 
 
 def build() -> bytes:
@@ -229,7 +231,7 @@ def build() -> bytes:
     writer.chunk(ChunkType.ENCODER_INFO, 0, b"worked example")
     with mock.patch.object(streams, "SymbolWriter", PlainWriter):
         task = frame_coding.IntraTask(_target(), _GRID)
-        intra = frame_coding.code_intra_frame(0, task, GofSetup(_CONTROL, _HEADER.unit_exponents))
+        intra = frame_coding.code_intra_frame(0, task, GofSetup(_CONTROL, _HEADER.unit_exponents, _PRIOR))
         trial = _motion(intra)
         inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra.state, _RESIDUAL, trial)
     writer.gof(0, [intra.data, inter.data])
@@ -291,7 +293,8 @@ def _sequence_header(trace: _Tracer) -> None:
     for axis in "xyz":
         trace.number("svarint", f"position_origin {axis}")
     trace.number("u8", "position_precision", lambda v: f"{v} {Precision(v).name}")
-    trace.number("uvarint", "model_id_length")
+    trace.raw(trace.number("uvarint", "model_id_length"), "model_id")
+    trace.raw(MODEL_HASH_BYTES, "model_hash")
 
 
 def _streams(trace: _Tracer, names: list[str]) -> None:
@@ -307,7 +310,6 @@ def _intra_frame(trace: _Tracer) -> None:
     trace.number("uvarint", "num_gaussians")
     permuted = trace.number("u8", "has_permutation")
     trace.number("u8", "has_escapes")
-    trace.number("u8", "control_rule", lambda v: f"{v} {ControlRule(v).name}")
     trace.number("uvarint", "control_spacing")
     trace.number("u8", "control_shift")
     trace.number("u8", "sort_shift")
@@ -331,8 +333,6 @@ def _inter_frame(trace: _Tracer) -> list[str]:
     tools = trace.number("u8", "tools", lambda v: f"{v:#04x}")
     mask = trace.number("u8", "attribute_mask", lambda v: f"{v:#04x}")
     names = [attribute.name for attribute in trace.attributes if mask >> attribute & 1]
-    if mask or tools:
-        trace.number("u8", "block_log2")
     for name in names:
         trace.number("uvarint", f"step of {name}")
     for name in names if tools >> Tool.VISIBILITY & 1 else []:
@@ -341,9 +341,6 @@ def _inter_frame(trace: _Tracer) -> list[str]:
 
 
 def _motion_chunk(trace: _Tracer) -> None:
-    trace.number("u8", "compensation", lambda v: f"{v} {Compensation(v).name}")
-    trace.number("uvarint", "num_coded")
-    trace.number("u8", "temporal_weight")
     trace.number("uvarint", "translation_step")
     trace.number("uvarint", "turn_step")
     _streams(trace, ["who follows", "control points"])

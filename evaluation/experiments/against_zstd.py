@@ -24,7 +24,7 @@ from dfcgs_codec.encoder.analysis import (
     plan_grid,
 )
 from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
+from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.targets import Targets, ordered
 from dfcgs_codec.ply import read_ply
@@ -92,7 +92,7 @@ def baseline_sizes(
 ) -> list[dict[str, int]]:
     """Bytes of the baseline by frame and attribute; `decoded` gives the closed loop of the turns."""
     targets = _targets(source, plan)
-    quantiser = ResidualQuantiser(plan.quantisation, ZeroBin(0.5), BLOCK_LOG2)
+    quantiser = ResidualQuantiser(plan.quantisation, ZeroBin(0.5))
     baseline = DeltaZstd(plan.quantisation.steps)
     sizes = []
     for index, planes in enumerate(targets):

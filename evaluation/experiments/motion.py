@@ -5,8 +5,7 @@
 Every variant of the encoder on the first frames of every evaluation scene that has P-frames, at three QPs,
 against the default: bytes at equal PSNR of whole files and of P-frames alone. Figures land in
 `evaluation/results/motion.json` after every scene; what was measured before by the same code is taken from
-the cache of `evaluation.bench`. Lengths of GoFs are `evaluation.experiments.drift`'s, the paper's rule alone
-`evaluation.experiments.paper.compensation`'s.
+the cache of `evaluation.bench`. Lengths of GoFs are `evaluation.experiments.drift`'s.
 """
 
 from __future__ import annotations
@@ -65,7 +64,6 @@ def compare(default: list[Figures], rows: list[Figures]) -> Figures:
     return found | {
         "frame_types": medium["frame_types"],
         "bytes_by_attribute": medium["bytes_by_attribute"],
-        "control_points": medium.get("control_points"),
     }
 
 

@@ -32,8 +32,6 @@ def test_encode_verify_info(swaying_dir: Path, tmp_path: Path) -> None:
     assert "what else changed in 1 frames" in done.stderr
     found = json.loads(dfcgs("info", target, "--json").stdout)
     assert (found["profile"], found["model_id"]) == ("paper", "paper-1")
-    points = [frame["control_points"] for frame in found["frames"]]
-    assert points == [28 if kind == "P" else 0 for kind in kinds]
     for kind in ("HYPERPRIOR", "MOTION"):
         assert found["bytes_by_attribute"][kind] == found["bytes_by_chunk_type"][kind] > 0
     assert "profile=paper model=paper-1" in found["encoder_info"]

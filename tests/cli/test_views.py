@@ -115,7 +115,7 @@ def test_views_go_to_worker_processes(scene: Path) -> None:
 
 
 def test_python_reads_a_path_and_looks_for_none(scene: Path) -> None:
-    out, options = scene.parent / "out.dgs", {"motion": "off", "prior": "plain", "balance": False}
+    out, options = scene.parent / "out.dgs", {"motion": "off", "balance": False}
     encode_sequence(scene, out, encoder_options(**options))
     assert "views" not in settings(scene)
     for views in (scene, str(scene / "cameras.json"), Views(tuple(some_cameras()))):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from dfcgs_codec import decode_sequence, encode_sequence
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.model import registry
 from dfcgs_codec.model.context_model import NUM_CELLS, NUM_FLAG_CLASSES, ContextModel
@@ -75,7 +74,7 @@ def test_training_is_repeatable_and_makes_a_model(recordings: Path, tmp_path: Pa
     untrained = ContextModel.of_arrays("untrained", untrained_arrays())
     registry.register(untrained)
     for name in ("tiny", "untrained"):
-        encode_sequence(frames, tmp_path / name, encoder_options(model_id=name, prior=PriorMode.NETWORK))
+        encode_sequence(frames, tmp_path / name, encoder_options(model_id=name))
         assert len(list(decode_sequence(tmp_path / name))) == len(frames)
         sizes[name] = (tmp_path / name).stat().st_size
     registry._registered.clear()

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from dfcgs_codec import DecoderLimits, DfcgsError, ResourceLimit
-from dfcgs_codec.bitstream.constants import ControlRule
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from lab.bombs import (
@@ -77,7 +76,7 @@ def test_control_points_keep_the_level() -> None:
         (1, "control points is 5000, at most 4096"),
         (2, "do not add up"),
     ):
-        control = ControlHeader(ControlRule.STRIDE, spacing, 0)
+        control = ControlHeader(spacing, 0)
         with pytest.raises(DfcgsError, match=error):
             decoded(with_intra(data, num_gaussians=5000, control=control))
 

@@ -25,14 +25,13 @@ from dfcgs_codec import (
     encode_sequence,
     probe,
 )
-from dfcgs_codec.bitstream.constants import Compensation, ControlRule, IntraKind, OutputOrder, Profile
-from dfcgs_codec.encoder.prior_choice import PriorMode
+from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder, Profile
 from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from lab.options import encoder_options
 from tests.helpers import FIELDS, drifting, make_cloud, write_frames
 
 FRAMES = drifting(make_cloud(30, 1), 3)
-QUICK = encoder_options(motion="off", prior="plain", balance=False)
+QUICK = encoder_options(motion="off", balance=False)
 RATE = "a frame rate such as 30, 29.97"
 
 
@@ -79,9 +78,6 @@ TAKEN: list[tuple[str, Any, Any]] = [
     ("motion", "off", MotionMode.OFF),
     ("intra", "ply", IntraKind.PLY),
     ("profile", "paper", Profile.PAPER),
-    ("prior", "plain", PriorMode.PLAIN),
-    ("control_rule", "stride", ControlRule.STRIDE),
-    ("compensation", "paper", Compensation.SPREAD),
     ("refinement", "auto", RefinementMode.AUTO),
     ("balance", np.bool_(False), False),
 ]
@@ -121,10 +117,9 @@ REFUSED: list[tuple[str, Any, str]] = [
     ("order", "inptu", 'one of "free", "sequence", "input"'),
     ("order", 2, 'one of "free", "sequence", "input"'),
     ("order", IntraKind.PLY, 'one of "free", "sequence", "input"'),
-    ("motion", None, 'one of "auto", "off", "on", "only"'),
-    ("motion", False, 'one of "auto", "off", "on", "only"'),
+    ("motion", None, 'one of "auto", "off", "only"'),
+    ("motion", False, 'one of "auto", "off", "only"'),
     ("intra", "lossless", 'one of "ply", "coded"'),
-    ("compensation", "spread", 'one of "main", "paper"'),
     ("balance", "off", "True or False"),
     ("exact", 0, "True or False"),
     ("keep_unseen", None, "True or False"),
@@ -154,13 +149,10 @@ def test_jobs_of_none_are_all_cores() -> None:
 
 
 def test_options_given_in_words_code_the_same(tmp_path: Path) -> None:
-    words = encoder_options(
-        order="input", motion="off", prior="plain", frame_rate="29.97", bounds={"sh": 0.1}
-    )
+    words = encoder_options(order="input", motion="off", frame_rate="29.97", bounds={"sh": 0.1})
     members = encoder_options(
         order=OutputOrder.INPUT,
         motion=MotionMode.OFF,
-        prior=PriorMode.PLAIN,
         frame_rate=Fraction(2997, 100),
         bounds=(Bound("sh", 0.1),),
     )

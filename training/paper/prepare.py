@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import MAX_DECAY_EXPONENT, Attribute, Profile
-from dfcgs_codec.codec.compensation import GofMotion
+from dfcgs_codec.bitstream.motion_header import SpreadHeader
+from dfcgs_codec.codec.compensation import ControlSource
 from dfcgs_codec.codec.dpb import SH_BANDS, FrameState
 from dfcgs_codec.encoder.frame_coding import IntraTask, code_intra_frame
 from dfcgs_codec.encoder.identity import Members
@@ -136,11 +137,12 @@ def prepare_gof(
     later = [members.target(targets.planes(cloud)) for cloud in clouds[1:]]
     first = {attribute: plane.wide() for attribute, plane in state.planes.items()}
     frames = [first, *later]
-    motion = GofMotion.of(first[Attribute.POSITION], plan.gof_setup.control)
+    source = ControlSource(state.planes[Attribute.POSITION], plan.gof_setup.control)
     centre, extent_log2 = normalisation(first[Attribute.POSITION])
     # distances in units of the normalised scene: networks do not see how large a scene unit is
-    exponent = int(np.clip(motion.shift - extent_log2, -MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT))
-    spreading = motion.spreading.of(layout.num_neighbours, exponent, motion.origins)
+    exponent = plan.gof_setup.control.shift - extent_log2
+    exponent = int(np.clip(exponent, -MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT))
+    spreading = source.spreading(SpreadHeader(layout.num_neighbours, exponent))
     units = plan.header.unit_exponents
     images, cameras = _pictures(clouds, up, num_views)
     colours = [first[a] for a in (Attribute.SH_DC, *SH_BANDS) if a in first]
@@ -153,7 +155,7 @@ def prepare_gof(
         units=np.array([units.position, units.scale, units.opacity, units.color], np.int64),
         centre=centre,
         extent_log2=np.array(extent_log2),
-        control=motion.field.gaussians,
+        control=source.points()[1],
         neighbours=spreading.gaussians,
         weights=spreading.weights,
         images=images,

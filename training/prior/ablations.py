@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dfcgs_codec.errors import InputError
 
-#: group -> part -> columns of its inputs (spec sections 17.4, 17.5)
+#: group -> part -> columns of its inputs (spec sections 12.3, 14.3)
 GROUPS: dict[str, dict[str, tuple[int, ...]]] = {
     "motion": {"flags": (0, 1, 2, 3, 4), "columns": (0, 1, 2, 3, 4), "control": (3, 4)},
     "visibility": {"flags": (5,), "columns": (5,)},

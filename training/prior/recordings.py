@@ -19,9 +19,8 @@ import numpy.typing as npt
 
 from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.codec.control_context import ControlPrior
-from dfcgs_codec.codec.inter_prior import PriorContext
+from dfcgs_codec.codec.inter import PriorContext
 from dfcgs_codec.codec.prior_component import Component
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.model.context_model import ContextModel, Flags, Part
 from dfcgs_codec.model.registry import register
 
@@ -108,14 +107,14 @@ class _Prepared:
 @contextmanager
 def _classes_recorded(recording: Recording) -> Iterator[None]:
     """Also remember block classes with their contexts, and what control points are predicted from."""
-    from dfcgs_codec.codec import inter_prior
+    from dfcgs_codec.codec import inter
 
-    density, magnitude, column = inter_prior._code_density, inter_prior._code_magnitude, Component.code
+    density, magnitude, column = inter._code_density, inter._code_magnitude, Component.code
 
     def code_density(coder: Any, given: Any, context: PriorContext) -> Any:
         found = density(coder, given, context)
         recording.stream += 1
-        contexts = context.before.density * 4 + context.beside.density
+        contexts = context.before.density * 4 + context.beside
         recording.add("densities", contexts=contexts.astype(np.int8), values=found.astype(np.int8))
         return found
 
@@ -148,8 +147,8 @@ def _classes_recorded(recording: Recording) -> Iterator[None]:
             return code_control(self, coder, target, *args)
 
     with (
-        mock.patch.object(inter_prior, "_code_density", code_density),
-        mock.patch.object(inter_prior, "_code_magnitude", code_magnitude),
+        mock.patch.object(inter, "_code_density", code_density),
+        mock.patch.object(inter, "_code_magnitude", code_magnitude),
         mock.patch.object(ControlPrior, "code", code_points),
     ):
         yield
@@ -164,9 +163,7 @@ def record(frames: list[GaussianCloud], qp: float, model: ContextModel, seed: in
         columns=_Looker("columns", model.columns, recording, rng),
         control=_Looker("control", model.control, recording, rng),
     )
-    options = EncoderOptions(
-        qp=qp, gof_size=len(frames), tuning=EncoderTuning(prior=PriorMode.NETWORK, model_id=RECORDED)
-    )
+    options = EncoderOptions(qp=qp, gof_size=len(frames), tuning=EncoderTuning(model_id=RECORDED))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "gof.dgs"
         register(model)

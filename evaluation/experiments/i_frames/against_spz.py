@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec import GaussianCloud
-from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute, ControlRule
+from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import SH_BANDS, output
@@ -36,7 +36,7 @@ from lab.record import write_result
 
 _SCENES = ("plant_114k_sh0.ply", "playbot_31k_sh2.ply", "playbot_125k_sh2.ply", "sushi_77k_sh3.ply")
 _UNITS = UnitExponents(position=-24, scale=-18, opacity=-18, color=-18)
-_SETUP = GofSetup(ControlHeader(ControlRule.FARTHEST, 70, 0), _UNITS)
+_SETUP = GofSetup(ControlHeader(70, 0), _UNITS)
 Errors = dict[str, npt.NDArray[np.floating]]
 
 

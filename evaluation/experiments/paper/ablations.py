@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 from dfcgs_codec import EncoderOptions, GaussianCloud
-from dfcgs_codec.bitstream.constants import ControlRule
 from dfcgs_codec.encoder.tuning import RefinementMode
 from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.model.registry import load_model, register
@@ -41,7 +40,6 @@ SETTINGS: dict[str, EncoderOptions] = {
     "K = 120": PAPER.tuned(num_neighbours=120),
     "M = 140": PAPER.tuned(control_spacing=140),
     "M = 280": PAPER.tuned(control_spacing=280),
-    "stride": PAPER.tuned(control_rule=ControlRule.STRIDE),
     "refinement in every frame": PAPER.tuned(refinement=RefinementMode.ON),
     "refinement off": PAPER.tuned(refinement=RefinementMode.OFF),
 }

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
-from dfcgs_codec.bitstream.constants import Compensation, IntraKind, Profile
+from dfcgs_codec.bitstream.constants import IntraKind, Profile
 from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from lab.assets import find_asset, present
 from lab.quality import Image, Pool, frame_quality, image, psnr
@@ -39,7 +39,6 @@ SETTINGS: dict[str, EncoderOptions] = {
     "paper, qp18": replace(PAPER, qp=18),
     "paper, qp34": replace(PAPER, qp=34),
     "paper, ply I-frames": PAPER.tuned(intra=IntraKind.PLY),
-    "paper's rule, no network": MAIN.tuned(motion=MotionMode.ONLY, compensation=Compensation.SPREAD),
     "main, no residual": MAIN.tuned(motion=MotionMode.ONLY),
     "main": MAIN,
     "main, qp18": replace(MAIN, qp=18),

@@ -34,15 +34,10 @@ MAX_COARSE_LOG2 = 8
 #: largest `thin_octaves`, and the coarsest grid of log-scales that octaves are told on
 MAX_THIN_OCTAVES = 8
 MAX_THIN_EXPONENT = -11
-#: log2 of the Gaussians in a significance block of a P-frame
-MIN_BLOCK_LOG2 = 3
-MAX_BLOCK_LOG2 = 12
 #: a GoF has at most this many control points, so that a decoder's work stays bounded
 MAX_CONTROL_POINTS = 1 << 14
 #: log2 of the grid units of a cell that control points are chosen on
 MAX_CONTROL_SHIFT = 31
-#: the temporal weight of motion is in quarters
-MAX_TEMPORAL_WEIGHT = 4
 #: Gaussians that a control point's motion is spread over
 MAX_NEIGHBOURS = 128
 #: log2 of the step q' of motion latents
@@ -95,20 +90,6 @@ class IntraKind(IntEnum):
 
     PLY = 0
     CODED = 1
-
-
-class ControlRule(IntEnum):
-    """Which Gaussians of the I-frame are control points (spec section 14.1)."""
-
-    FARTHEST = 0
-    STRIDE = 1
-
-
-class Compensation(IntEnum):
-    """How the Gaussians are carried along with control points (spec sections 14.5, 14.7)."""
-
-    GATHER = 0
-    SPREAD = 1
 
 
 class Tool(IntEnum):

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 from dfcgs_codec.bitstream.constants import (
     FRAME_HASH_BYTES,
-    MAX_BLOCK_LOG2,
     MAX_COARSE_LOG2,
     MAX_CONTROL_POINTS,
     MAX_CONTROL_SHIFT,
@@ -14,11 +13,9 @@ from dfcgs_codec.bitstream.constants import (
     MAX_SORT_SHIFT,
     MAX_THIN_EXPONENT,
     MAX_THIN_OCTAVES,
-    MIN_BLOCK_LOG2,
     PROFILE_TOOLS,
     STATE_LIMIT,
     Attribute,
-    ControlRule,
     IntraKind,
     Profile,
     Tool,
@@ -26,7 +23,7 @@ from dfcgs_codec.bitstream.constants import (
 from dfcgs_codec.bitstream.fields import at_most, read_bounded, read_enum
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
-from dfcgs_codec.errors import CorruptBitstream, LimitExceeded, UnsupportedBitstream
+from dfcgs_codec.errors import CorruptBitstream, UnsupportedBitstream
 
 
 @dataclass(frozen=True)
@@ -61,31 +58,26 @@ class SortGrid:
 class ControlHeader:
     """Which Gaussians are control points: one for every `spacing` (spec section 14.1)."""
 
-    rule: ControlRule
     spacing: int
     shift: int
 
     def write(self, writer: ByteWriter) -> None:
-        """Rule, spacing, cell shift."""
-        writer.u8(self.rule)
+        """Spacing, cell shift."""
         writer.uvarint(self.spacing)
         writer.u8(self.shift)
 
     @staticmethod
     def read(reader: ByteReader) -> ControlHeader:
-        """Refuses unknown rules, spacing 0, and shifts out of range."""
-        rule = read_enum(ControlRule, reader, "control_rule")
+        """Refuses spacing 0, and shifts out of range."""
         offset = reader.offset
         spacing = read_bounded(reader.uvarint, STATE_LIMIT, "control_spacing", reader)
         if spacing == 0:
             raise CorruptBitstream("control_spacing is 0", offset=offset)
-        return ControlHeader(
-            rule, spacing, read_bounded(reader.u8, MAX_CONTROL_SHIFT, "control_shift", reader)
-        )
+        return ControlHeader(spacing, read_bounded(reader.u8, MAX_CONTROL_SHIFT, "control_shift", reader))
 
 
 #: that of a frame without Gaussians, which says nothing
-NO_CONTROL = ControlHeader(ControlRule.FARTHEST, 1, 0)
+NO_CONTROL = ControlHeader(1, 0)
 
 
 def write_steps(writer: ByteWriter, steps: dict[Attribute, int]) -> None:
@@ -238,20 +230,9 @@ class IntraHeader:
         return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths, has_escapes)
 
 
-def _read_block_log2(reader: ByteReader) -> int:
-    """Refuses block sizes out of range."""
-    offset = reader.offset
-    block_log2 = reader.u8()
-    if not MIN_BLOCK_LOG2 <= block_log2 <= MAX_BLOCK_LOG2:
-        raise LimitExceeded(f"block_log2 is {block_log2}", offset=offset)
-    return block_log2
-
-
 @dataclass(frozen=True)
 class InterHeader:
     """Payload of an INTER_FRAME chunk; without tools and steps the frame repeats its reference.
-
-    `block_log2` 0: there is none, for nothing is coded by blocks.
 
     `visibility`: with that tool the weight of each attribute that has steps at which they are as given,
     sixteenths of an octave.
@@ -259,17 +240,14 @@ class InterHeader:
 
     frame_hash: bytes
     tools: frozenset[Tool]
-    block_log2: int
     steps: dict[Attribute, int]
     visibility: dict[Attribute, int] = field(default_factory=dict)
 
     def write(self, writer: ByteWriter) -> None:
-        """Hash, tools and attribute mask; block size where one of them is not zero; steps; levels."""
+        """Hash, tools and attribute mask; steps; levels."""
         writer.raw(self.frame_hash)
         writer.u8(sum(1 << tool for tool in self.tools))
         writer.u8(sum(1 << attribute for attribute in self.steps))
-        if self.block_log2 and (self.steps or self.tools):
-            writer.u8(self.block_log2)
         write_steps(writer, self.steps)
         write_levels(writer, self.visibility)
 
@@ -292,8 +270,6 @@ class InterHeader:
         if tools - PROFILE_TOOLS[sequence.profile] or (mask and sequence.profile == Profile.PAPER):
             name = sequence.profile.name
             raise CorruptBitstream(f"tools or attributes that profile {name} does not have", offset=offset)
-        if sequence.profile == Profile.PAPER or (not mask and not tools):
-            return InterHeader(frame_hash, tools, 0, {})
-        block_log2, steps = _read_block_log2(reader), read_steps(reader, present)
+        steps = read_steps(reader, present)
         visibility = read_levels(reader, present if Tool.VISIBILITY in tools else [])
-        return InterHeader(frame_hash, tools, block_log2, steps, visibility)
+        return InterHeader(frame_hash, tools, steps, visibility)

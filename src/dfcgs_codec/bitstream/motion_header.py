@@ -1,4 +1,4 @@
-"""Header of a MOTION chunk, `write` beside `read` (spec section 6.3)."""
+"""Header of a MOTION chunk, `write` beside `read` (spec sections 6.3, 6.5)."""
 
 from __future__ import annotations
 
@@ -8,14 +8,11 @@ from dfcgs_codec.bitstream.constants import (
     MAX_DECAY_EXPONENT,
     MAX_LATENT_STEP_LOG2,
     MAX_NEIGHBOURS,
-    MAX_TEMPORAL_WEIGHT,
     MIN_LATENT_STEP_LOG2,
-    ROTATION_FRACTION_BITS,
     STATE_LIMIT,
     STEREO_FRACTION_BITS,
-    Compensation,
 )
-from dfcgs_codec.bitstream.fields import read_bounded, read_enum
+from dfcgs_codec.bitstream.fields import read_bounded
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.errors import CorruptBitstream, LimitExceeded
 
@@ -52,18 +49,13 @@ class SpreadHeader:
 
 @dataclass(frozen=True)
 class MotionHeader:
-    """How the control points' motion is coded, and how it reaches the Gaussians: gathered or `spread`.
+    """Steps of the control points' motion.
 
-    `num_coded` control points have symbols; `temporal_weight` quarters of what the last motion added to its
-    prediction are expected again, 0 where motion is spread. Translation steps are in grid units; turn steps,
-    0 where nothing turns, in 2**-18 of a turn vector, or in 2**-24 of a quaternion where motion is spread.
+    Those of translations are in grid units, those of turns in 2**-18 of a turn vector; 0: nothing turns.
     """
 
-    num_coded: int
-    temporal_weight: int
     translation_step: int
     turn_step: int
-    spread: SpreadHeader | None = None
 
     @property
     def is_rigid(self) -> bool:
@@ -72,39 +64,24 @@ class MotionHeader:
 
     @property
     def num_columns(self) -> int:
-        """Symbols of a coded control point."""
-        if not self.is_rigid:
-            return 3
-        return 6 if self.spread is None else 7
+        """Symbols of a control point."""
+        return 6 if self.is_rigid else 3
 
     def write(self, writer: ByteWriter) -> None:
-        """All fields in order."""
-        writer.u8(Compensation.GATHER if self.spread is None else Compensation.SPREAD)
-        writer.uvarint(self.num_coded)
-        if self.spread is None:
-            writer.u8(self.temporal_weight)
-        else:
-            self.spread.write(writer)
+        """Both fields."""
         writer.uvarint(self.translation_step)
         writer.uvarint(self.turn_step)
 
     @staticmethod
-    def read(reader: ByteReader, num_points: int) -> MotionHeader:
-        """Refuses more coded control points than the GoF has, and a translation step of 0."""
-        rule = read_enum(Compensation, reader, "compensation")
-        num_coded = read_bounded(reader.uvarint, num_points, "num_coded", reader)
-        weight, spread = 0, None
-        if rule == Compensation.GATHER:
-            weight = read_bounded(reader.u8, MAX_TEMPORAL_WEIGHT, "temporal_weight", reader)
-        else:
-            spread = SpreadHeader.read(reader)
+    def read(reader: ByteReader) -> MotionHeader:
+        """Refuses steps beyond their grids, and a translation step of 0."""
         offset = reader.offset
         translation = read_bounded(reader.uvarint, STATE_LIMIT, "translation_step", reader)
         if translation == 0:
             raise CorruptBitstream("translation_step is 0", offset=offset)
-        bits = STEREO_FRACTION_BITS if spread is None else ROTATION_FRACTION_BITS
-        turn = read_bounded(reader.uvarint, 1 << bits, "turn_step", reader)
-        return MotionHeader(num_coded, weight, translation, turn, spread)
+        return MotionHeader(
+            translation, read_bounded(reader.uvarint, 1 << STEREO_FRACTION_BITS, "turn_step", reader)
+        )
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,7 @@ class SequenceHeader:
     frame_numbers: FrameNumbers
     unit_exponents: UnitExponents
     model_id: str = ""
-    model_hash: bytes = b""
+    model_hash: bytes = bytes(MODEL_HASH_BYTES)
 
     @property
     def num_frames(self) -> int:
@@ -161,9 +161,8 @@ class SequenceHeader:
         self.frame_numbers.write(writer)
         self.unit_exponents.write(writer)
         writer.uvarint(len(self.model_id))
-        if self.model_id:
-            writer.raw(self.model_id.encode("ascii"))
-            writer.raw(self.model_hash)
+        writer.raw(self.model_id.encode("ascii"))
+        writer.raw(self.model_hash)
 
     @staticmethod
     def read(reader: ByteReader) -> SequenceHeader:
@@ -197,8 +196,6 @@ class SequenceHeader:
 
 def _read_model(reader: ByteReader) -> tuple[str, bytes]:
     length = read_bounded(reader.uvarint, _MAX_MODEL_ID, "model_id length", reader)
-    if length == 0:
-        return "", b""
     offset = reader.offset
     try:
         model_id = reader.raw(length).decode("ascii")

@@ -53,10 +53,10 @@ def _summary(info: SequenceInfo) -> list[str]:
 
 
 def _frame_lines(info: SequenceInfo) -> list[str]:
-    lines = [f"{'frame':>6} {'number':>7} {'type':5} {'gaussians':>10} {'control':>8} {'bytes':>10}"]
+    lines = [f"{'frame':>6} {'number':>7} {'type':5} {'gaussians':>10} {'bytes':>10}"]
     for f in info.frames:
         names = f"{f.frame_index:6d} {f.frame_number:7d} {f.frame_type:5}"
-        lines.append(f"{names} {f.num_gaussians:10d} {f.control_points:8d} {f.num_bytes:10d}")
+        lines.append(f"{names} {f.num_gaussians:10d} {f.num_bytes:10d}")
     return lines
 
 

@@ -12,6 +12,8 @@ from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 
+#: log2 of the Gaussians in a block
+BLOCK_LOG2 = 6
 NUM_DENSITIES = 4
 DENSE = NUM_DENSITIES - 1
 #: magnitude classes are half octaves of the mean magnitude, in quarters of a symbol
@@ -54,17 +56,17 @@ class AttributeActivity:
     running: Int64 | None = None
 
     @staticmethod
-    def none(num_gaussians: int, num_columns: int, num_blocks: int) -> AttributeActivity:
+    def none(num_gaussians: int, num_columns: int) -> AttributeActivity:
         """Nothing happened."""
-        zero = np.zeros(num_blocks, np.int64)
+        zero = np.zeros(num_blocks(num_gaussians), np.int64)
         return AttributeActivity(np.zeros((num_gaussians, num_columns), np.int64), zero, zero)
 
-    def merged(self, num_births: int, source: Int64, num_blocks: int) -> AttributeActivity:
+    def merged(self, num_births: int, source: Int64) -> AttributeActivity:
         """The same after Gaussians went and came, blocks forgotten.
 
         Row i of the result is row source[i] of these and of births, which have no symbols.
         """
-        zero = np.zeros(num_blocks, np.int64)
+        zero = np.zeros(num_blocks(len(source)), np.int64)
 
         def kept(values: Int64) -> Int64:
             births = np.zeros((num_births, *values.shape[1:]), np.int64)
@@ -96,10 +98,9 @@ class InterSymbols:
 
     activity: dict[Attribute, AttributeActivity] = field(default_factory=dict)
 
-    def merged(self, num_births: int, source: Int64, block_log2: int) -> InterSymbols:
+    def merged(self, num_births: int, source: Int64) -> InterSymbols:
         """See AttributeActivity.merged."""
-        blocks = num_blocks(len(source), block_log2)
-        return InterSymbols({a: x.merged(num_births, source, blocks) for a, x in self.activity.items()})
+        return InterSymbols({a: x.merged(num_births, source) for a, x in self.activity.items()})
 
 
 def num_inter_columns(attribute: Attribute) -> int:
@@ -107,6 +108,6 @@ def num_inter_columns(attribute: Attribute) -> int:
     return 3 if attribute == Attribute.ROTATION else STATE_COLUMNS[attribute]
 
 
-def num_blocks(num_gaussians: int, block_log2: int) -> int:
-    """Blocks of 2**block_log2 Gaussians, the last one perhaps shorter."""
-    return -(-num_gaussians >> block_log2)
+def num_blocks(num_gaussians: int) -> int:
+    """Blocks of 2**BLOCK_LOG2 Gaussians, the last one perhaps shorter."""
+    return -(-num_gaussians >> BLOCK_LOG2)

@@ -109,18 +109,6 @@ class Binding:
                 np.copyto(result[:, part], moves[candidate, :, part], where=is_chosen)
         return result
 
-    def chosen_moves(self, motion: RigidMotion, positions: Float64) -> Float64:
-        """`chosen` of `moves`, (3, N), without those of the other candidates."""
-        table, result = motion.table(), np.empty_like(positions)
-        for part in pieces(positions.shape[1]):
-            choice, some, ranks = self.choice[part], positions[:, part], self.gathering.ranks[:, part]
-            leader = ranks[np.maximum(choice - 1, 0), np.arange(len(choice))]
-            result[:, part] = displacements(table, leader, some)
-            rows = np.flatnonzero(choice == BLEND)
-            alone = [displacements(table, of_one[rows], some[:, rows]) for of_one in ranks]
-            result[:, part.start + rows] = blend(alone, self.gathering.weights[:, part][:, rows])
-        return result
-
     def turns(self, motion: RigidMotion) -> Int64:
         """Turn vectors (N, 3), Q0.18, of each point's choice."""
         vectors = np.empty((len(self.choice), 3), np.int64)

@@ -1,8 +1,4 @@
-"""Carrying the Gaussians of a GoF along with its control points, by one of two rules.
-
-They gather rigid motion from the control points that they follow (spec section 14.5), or control points
-spread theirs over their nearest Gaussians, as the paper has it (14.7).
-"""
+"""Carrying the Gaussians of a GoF along with the control points that they follow (spec section 14.5)."""
 
 from __future__ import annotations
 
@@ -13,25 +9,23 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
-from dfcgs_codec.bitstream.motion_header import MotionHeader
-from dfcgs_codec.codec.activity import nonzero_rows, num_blocks
+from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
+from dfcgs_codec.codec.activity import nonzero_rows
 from dfcgs_codec.codec.binding import Binding
 from dfcgs_codec.codec.control_context import ControlPrior
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.motion import MotionShape, MotionSymbols
-from dfcgs_codec.codec.motion_field import FieldMotion, MotionField
-from dfcgs_codec.codec.reconstruct import scaled
+from dfcgs_codec.codec.motion_field import FieldMotion, MotionField, control_points
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.control_points import CELL_LIMIT, control_cells, gather_from
 from dfcgs_codec.transform.morton import morton_keys
 from dfcgs_codec.transform.normalisation import Normalisation
 from dfcgs_codec.transform.pieces import pieces
-from dfcgs_codec.transform.rotation import ONE, from_stereo, multiply, normalise
-from dfcgs_codec.transform.spreading import Spreading, SpreadingSource, rows_of
+from dfcgs_codec.transform.rotation import from_stereo, multiply, normalise
+from dfcgs_codec.transform.spreading import Spreading, spread_from
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -44,32 +38,13 @@ class Gathered:
     binding: Binding
     step: int
 
-    def of_rows(self, kept: Int64) -> Gathered:
-        """The same of some of those who followed."""
-        binding = self.binding.of_rows(kept)
-        return replace(self, rows=self.rows[kept], moves=self.moves[:, :, kept], binding=binding)
-
 
 @dataclass(frozen=True)
 class Carried:
-    """A frame's motion applied: the `state` predicted, how it was `gathered`, None where it was spread."""
+    """A frame's motion applied: the `state` predicted, and how it was `gathered`."""
 
     state: FrameState
-    gathered: Gathered | None = None
-
-    def only(self, follows: Bool, reference: FrameState) -> Carried:
-        """As if only some of those who followed did; an encoder's short cut, not where it was spread."""
-        assert self.gathered is not None
-        kept = np.flatnonzero(follows[self.gathered.rows])
-        if len(kept) == len(self.gathered.rows):
-            return self
-        planes = dict(reference.planes)
-        for attribute in (Attribute.POSITION, Attribute.ROTATION):
-            moved = self.state.planes[attribute]
-            if moved is not reference.planes[attribute]:
-                values = np.where(follows[:, None], moved.values, reference.planes[attribute].values)
-                planes[attribute] = Plane(values)
-        return Carried(replace(self.state, planes=planes), self.gathered.of_rows(kept))
+    gathered: Gathered
 
 
 @dataclass(frozen=True)
@@ -77,7 +52,6 @@ class GofMotion:
     """Control points and followers of a GoF before a frame, and the last motion symbols.
 
     `cells` (N, 3): where the Gaussians were when they came; all cells are about `center`, with `shift`.
-    `origins` (N,): index in the I-frame, -1 of those that came later.
     """
 
     field: MotionField
@@ -86,8 +60,6 @@ class GofMotion:
     cells: Int64
     center: Int64
     shift: int
-    origins: Int64
-    spreading: SpreadingSource
 
     @staticmethod
     def of(positions: Int64, control: ControlHeader) -> GofMotion:
@@ -96,10 +68,8 @@ class GofMotion:
         cells = control_cells(positions, center, control.shift)
         field = MotionField.of(positions, cells, control)
         binding = Binding.of(gather_from(cells, cells[field.gaussians]))
-        symbols = MotionSymbols.none(field.num_points, len(positions), 0)
-        spreading = SpreadingSource(cells, field.gaussians)
-        origins = np.arange(len(positions))
-        return GofMotion(field, binding, symbols, cells, center, control.shift, origins, spreading)
+        symbols = MotionSymbols.none(field.num_points, len(positions))
+        return GofMotion(field, binding, symbols, cells, center, control.shift)
 
     def cells_of(self, positions: Int64) -> Int64:
         """Cells (rows, 3) of `positions`."""
@@ -113,52 +83,34 @@ class GofMotion:
         """Those of the Gaussians that are there."""
         return self.keys_of(self.cells)
 
-    def survivors(self, kept: Int64, block_log2: int) -> GofMotion:
+    def survivors(self, kept: Int64) -> GofMotion:
         """Without the Gaussians that are not among the rows `kept`."""
         return replace(
             self,
             binding=self.binding.of_rows(kept),
-            symbols=self.symbols.merged(0, kept, block_log2),
+            symbols=self.symbols.merged(0, kept),
             cells=self.cells[kept],
-            origins=self.origins[kept],
         )
 
-    def with_births(self, cells: Int64, source: Int64, block_log2: int) -> GofMotion:
+    def with_births(self, cells: Int64, source: Int64) -> GofMotion:
         """With Gaussians at `cells`, bound to where control points are now; see `FrameState.merge`."""
         births = Binding.of(gather_from(cells, self.cells_of(self.field.pivots)))
         return replace(
             self,
             binding=self.binding.merge(births, source),
-            symbols=self.symbols.merged(len(cells), source, block_log2),
+            symbols=self.symbols.merged(len(cells), source),
             cells=np.concatenate([self.cells, cells])[source],
-            origins=np.concatenate([self.origins, np.full(len(cells), -1)])[source],
         )
 
-    def control_rows(self) -> Int64:
-        """Row of each control point's Gaussian, -1 of those that went."""
-        return rows_of(self.origins, self.spreading.num_gaussians)[self.field.gaussians]
-
-    def shape(self, header: MotionHeader, block_log2: int, model: ContextModel | None) -> MotionShape:
+    def shape(self, header: MotionHeader, model: ContextModel | None) -> MotionShape:
         """What the symbol walk needs; `model`: the frozen prior of the sequence."""
-        coded = np.argsort(self.field.gaussians[: header.num_coded], kind="stable")
-        prior = None
-        if model is not None and header.spread is None:
-            prior = ControlPrior.of(model, self.field, header, self.symbols.control)
-        return MotionShape(coded, header.num_columns, block_log2, prior)
-
-    def history(self, block_log2: int) -> MotionSymbols:
-        """The last motion symbols, modes zero where blocks were others."""
-        blocks = num_blocks(len(self.symbols.follows), block_log2)
-        if len(self.symbols.modes) == blocks:
-            return self.symbols
-        return replace(self.symbols, modes=np.zeros(blocks, np.int64))
+        order = np.argsort(self.field.gaussians, kind="stable")
+        assert model is not None
+        prior = ControlPrior.of(model, self.field, header, self.symbols.control)
+        return MotionShape(order, header.num_columns, prior)
 
     def carry(self, header: MotionHeader, symbols: MotionSymbols, reference: FrameState) -> Carried:
         """Prediction of a frame from the decoded `reference` and its motion."""
-        if header.spread is not None:
-            spread = header.spread
-            spreading = self.spreading.of(spread.num_neighbours, spread.decay_exponent, self.origins)
-            return Carried(spread_over(motions_of(header, symbols), spreading, symbols.follows, reference))
         moved = self.field.move(header, lambda rows, *_: symbols.control[rows])
         rows = np.flatnonzero(symbols.follows)
         binding = self.binding.of_rows(rows)
@@ -181,12 +133,10 @@ class GofMotion:
     ) -> GofMotion:
         """Before the next frame; `states`: the reference and what was decoded."""
         gathered = carried.gathered
-        if gathered is None:
-            return replace(self, symbols=symbols)
         old, new = (state.planes[Attribute.POSITION].values.take(gathered.rows, axis=0) for state in states)
         actual = new.T.astype(np.float64) - old.T
         learnt = gathered.binding.learn(gathered.moves, actual, gathered.step)
-        field = self.field.after(gathered.field_motion, symbols.control, gathered.step)
+        field = self.field.after(gathered.field_motion, gathered.step)
         return replace(
             self, field=field, binding=self.binding.with_rows(gathered.rows, learnt), symbols=symbols
         )
@@ -199,12 +149,29 @@ class ControlSource:
         self._positions, self._control = positions, control
         self._motion: GofMotion | None = None
         self._normalisation: Normalisation | None = None
+        self._points: tuple[Int64, Int64] | None = None
+        self._spreading: tuple[SpreadHeader, Spreading] | None = None
 
     def normalisation(self) -> Normalisation:
         """Where the scene is, by the positions of its I-frame."""
         if self._normalisation is None:
             self._normalisation = Normalisation.of(self._positions.wide())
         return self._normalisation
+
+    def points(self) -> tuple[Int64, Int64]:
+        """Cells (N, 3) of the Gaussians, and which of them are control points (n,)."""
+        if self._points is None:
+            positions = self._positions.wide()
+            cells = control_cells(positions, positions[len(positions) >> 1], self._control.shift)
+            self._points = cells, control_points(cells, self._control)
+        return self._points
+
+    def spreading(self, header: SpreadHeader) -> Spreading:
+        """Over whom control points spread their motion; the last one is kept."""
+        if self._spreading is None or self._spreading[0] != header:
+            found = spread_from(*self.points(), header.num_neighbours, header.decay_exponent)
+            self._spreading = header, found
+        return self._spreading[1]
 
     def motion(self) -> GofMotion:
         """The motion of the GoF before its first frame that moves; `positions` are those of its I-frame."""
@@ -221,30 +188,3 @@ def turned(quaternions: Int64, vectors: Int64) -> Int64:
         rows = np.flatnonzero(nonzero_rows(by))
         some[rows] = normalise(multiply(from_stereo(by[rows]), some[rows]))
     return result
-
-
-def motions_of(header: MotionHeader, symbols: MotionSymbols) -> Int64:
-    """Motions (n, 7) of control points whose motion is spread: symbols times steps, nothing predicted."""
-    translations = scaled(symbols.control[:, :3], header.translation_step)
-    turns = scaled(symbols.control[:, 3:], header.turn_step) if header.is_rigid else symbols.control[:, 3:]
-    return np.concatenate([translations, turns], axis=1)
-
-
-def spread_over(motions: Int64, spreading: Spreading, follows: Bool, reference: FrameState) -> FrameState:
-    """The frame that `reference` becomes when control points spread their `motions` (n, 7).
-
-    Columns: translation in grid units, change of the quaternion in 2**-24. Those who follow, `follows` (N,),
-    add what they receive (the paper's equation of motion compensation); nothing received changes no bit.
-    """
-    limited = np.clip(motions, -2 * STATE_LIMIT, 2 * STATE_LIMIT)
-    received = spreading.received(limited, len(follows)) * follows[:, None]
-    planes = dict(reference.planes)
-    positions = reference.planes[Attribute.POSITION].wide() + received[:, :3]
-    planes[Attribute.POSITION] = Plane(np.clip(positions, -STATE_LIMIT, STATE_LIMIT))
-    rotations = reference.planes[Attribute.ROTATION].wide()
-    changed = rotations + np.clip(received[:, 3:], -ONE, ONE)
-    rows = np.flatnonzero(nonzero_rows(received[:, 3:]) & nonzero_rows(changed))
-    if len(rows):
-        rotations[rows] = normalise(changed[rows])
-        planes[Attribute.ROTATION] = Plane(rotations)
-    return replace(reference, planes=planes, verbatim=None)

@@ -1,4 +1,4 @@
-"""The symbols of control points with the frozen prior (spec section 17.5)."""
+"""The symbols of control points with the frozen prior (spec section 14.3)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.activity import MEMORY_BITS, row_sums
-from dfcgs_codec.codec.motion_field import TEMPORAL_WEIGHT_BITS, MotionField, level_starts
+from dfcgs_codec.codec.motion_field import MotionField, level_starts
 from dfcgs_codec.codec.prior_component import LAST_INPUT, Component, others_of
 from dfcgs_codec.codec.residual_context import EFFORT_SHIFT, PRESENT, SMALL, UInt8, log_of
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
@@ -34,14 +34,13 @@ class ControlPrior:
 
     @staticmethod
     def of(model: ContextModel, field: MotionField, header: MotionHeader, before: Int64) -> ControlPrior:
-        """Before the symbols of a frame whose motion begins with `header`; `before` (n, 7): the last ones."""
+        """Before the symbols of a frame whose motion begins with `header`; `before` (n, 6): the last ones."""
         expected = np.zeros((field.num_points, NUM_COLUMNS), np.int64)
-        history, left = field.history, (1 << TEMPORAL_WEIGHT_BITS) - header.temporal_weight
-        scale = left << (MEMORY_BITS - TEMPORAL_WEIGHT_BITS)
-        expected[:, :_NUM_TRANSLATIONS] = history.translations * scale // header.translation_step
+        history = field.history
+        expected[:, :_NUM_TRANSLATIONS] = (history.translations << MEMORY_BITS) // header.translation_step
         if header.is_rigid:
-            expected[:, _NUM_TRANSLATIONS:] = history.vectors * scale // header.turn_step
-        inputs = _inputs(field, header, row_sums(np.abs(before)), row_sums(np.abs(expected)))
+            expected[:, _NUM_TRANSLATIONS:] = (history.vectors << MEMORY_BITS) // header.turn_step
+        inputs = _inputs(field, row_sums(np.abs(before)), row_sums(np.abs(expected)))
         return ControlPrior(model, inputs, expected)
 
     def code(
@@ -65,13 +64,13 @@ class ControlPrior:
         return result
 
 
-def _inputs(field: MotionField, header: MotionHeader, before: Int64, habits: Int64) -> UInt8:
+def _inputs(field: MotionField, before: Int64, habits: Int64) -> UInt8:
     """(n, 6): level, last symbols, habits, effort of the leader and how much worse others do, the finest."""
     inputs = np.zeros((field.num_points, NUM_CONTROL_COMMON), np.uint8)
     starts = level_starts(field.num_points)
     for level, (start, end) in enumerate(pairwise(starts)):
         inputs[start:end, 0] = level * SMALL
-        inputs[start:end, 5] = PRESENT if end >= header.num_coded else 0
+        inputs[start:end, 5] = (end == field.num_points) * PRESENT
         if level:
             binding = field.parents[level - 1]
             efforts = binding.efforts >> EFFORT_SHIFT

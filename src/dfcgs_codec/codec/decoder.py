@@ -33,10 +33,8 @@ _PARTS = (
 )
 
 
-def _model_of(sequence: SequenceHeader) -> LatentModel | ContextModel | None:
+def _model_of(sequence: SequenceHeader) -> LatentModel | ContextModel:
     """The model that the sequence needs; ModelMismatch where another is installed, or none."""
-    if sequence.profile == Profile.MAIN and not sequence.model_id:
-        return None
     model = model_of_stream(sequence.model_id, sequence.model_hash)
     wanted = ContextModel if sequence.profile == Profile.MAIN else LatentModel
     if not isinstance(model, wanted):
@@ -71,9 +69,8 @@ class SequenceDecoder:
         self._check = check
         self._numbers = self.sequence.frame_numbers.expand()
         self._model = _model_of(self.sequence)
-        has_prior = isinstance(self._model, ContextModel)
         attributes = coded_attributes(self.sequence.sh_degree)
-        self._budget = Budget(limits or DecoderLimits(), attributes, has_prior)
+        self._budget = Budget(limits or DecoderLimits(), attributes)
 
     @cached_property
     def comments(self) -> tuple[bytes, ...]:

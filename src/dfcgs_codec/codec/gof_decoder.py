@@ -103,7 +103,7 @@ class GofDecoder:
         self,
         container: ContainerReader,
         check: bool,
-        model: LatentModel | ContextModel | None,
+        model: LatentModel | ContextModel,
         budget: Budget,
     ) -> None:
         self._budget = budget
@@ -193,11 +193,11 @@ class GofDecoder:
         if Tool.TOPOLOGY in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.TOPOLOGY)
             topology = _Topology.read(chunk, self._sequence, charge)
-            state = state.survivors(topology.kept, header.block_log2)
+            state = state.survivors(topology.kept)
         carried = None
         if Tool.MOTION in header.tools:
             chunk = self._open(head, next_chunk(), ChunkType.MOTION)
-            carried = _read_motion(chunk, state, header.block_log2, charge)
+            carried = _read_motion(chunk, state, charge)
         symbols = InterSymbols()
         if header.steps:
             chunk = self._open(head, next_chunk(), ChunkType.RESIDUAL)
@@ -207,7 +207,7 @@ class GofDecoder:
         frame = reconstruct_inter(symbols, header.steps, predicted, coarser)
         state = state.after(frame, symbols, carried)
         if topology is not None:
-            state = topology.finish(state, header.block_log2)
+            state = topology.finish(state)
         return state
 
     def _escaped(self, head: ChunkHead, state: GofState, next_chunk: Callable[[], ChunkHead]) -> GofState:
@@ -261,25 +261,22 @@ class _Topology:
         kept, births = code_topology(streams.next, None, header, before)
         return _Topology(header, kept, births, streams)
 
-    def finish(self, state: GofState, block_log2: int) -> GofState:
+    def finish(self, state: GofState) -> GofState:
         """Add births and put all in their places."""
         if self.births is not None:
-            state = state.with_births(self.births, state.places_of_births(self.births), block_log2)
+            state = state.with_births(self.births, state.places_of_births(self.births))
         if self.header.has_permutation:
             state = state.in_places(code_places(self.streams.next(), None, state.expected_places()))
         self.streams.close()
         return state
 
 
-def _read_motion(
-    reader: ByteReader, state: GofState, block_log2: int, charge: FrameCharge
-) -> tuple[Carried, MotionSymbols]:
+def _read_motion(reader: ByteReader, state: GofState, charge: FrameCharge) -> tuple[Carried, MotionSymbols]:
     motion = state.motion()
-    header = MotionHeader.read(reader, motion.field.num_points)
-    charge.spread(motion.field.num_points, header.spread)
+    header = MotionHeader.read(reader)
     streams = _Streams(reader, tuple(reader.uvarint() for _ in range(NUM_MOTION_STREAMS)), charge.symbols)
-    shape = motion.shape(header, block_log2, state.model)
-    symbols = code_motion(streams.next, None, motion.history(block_log2), shape)
+    shape = motion.shape(header, state.model)
+    symbols = code_motion(streams.next, None, motion.symbols, shape)
     streams.close()
     return motion.carry(header, symbols, state.frame), symbols
 
@@ -291,10 +288,10 @@ def _read_residual(
     moved: MotionSymbols | None,
     charge: FrameCharge,
 ) -> InterSymbols:
-    activity = None if moved is None else moved.activity()
+    modes = None if moved is None else moved.modes
     attributes, count = sorted(header.steps), state.frame.num_gaussians
     prior = state.prior(header.visibility, moved)
-    shape = InterShape(attributes, count, header.block_log2, state.levels, activity, prior)
+    shape = InterShape(attributes, count, state.levels, prior, modes)
     streams = _Streams(reader, tuple(reader.uvarint() for _ in attributes), charge.symbols)
     symbols = code_inter(streams.next, None, state.history, shape)
     streams.close()

@@ -13,7 +13,7 @@ from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.activity import InterSymbols
 from dfcgs_codec.codec.compensation import Carried, ControlSource, GofMotion
 from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.inter_prior import Prior
+from dfcgs_codec.codec.inter import Prior
 from dfcgs_codec.codec.motion import MotionSymbols
 from dfcgs_codec.codec.residual_context import gaussian_inputs
 from dfcgs_codec.codec.topology import insertion
@@ -63,17 +63,16 @@ class GofState:
         """The motion of the GoF so far."""
         return self.moved or self.control.motion()
 
-    def prior(self, levels: dict[Attribute, int], moved: MotionSymbols | None) -> Prior | None:
+    def prior(self, levels: dict[Attribute, int], moved: MotionSymbols | None) -> Prior:
         """What the frozen prior is told of the next residual: `levels` of visibility steps, who moved."""
-        if self.model is None:
-            return None
+        assert self.model is not None
         binding = None if self.moved is None else self.moved.binding
         follows = None if moved is None else moved.follows
         gaussians = gaussian_inputs(binding, follows, self.frame.num_gaussians)
         coarser = {a: self.visibility.coarseness(a, level) for a, level in levels.items()}
         return Prior(self.model, gaussians, coarser)
 
-    def survivors(self, kept: Int64, block_log2: int) -> GofState:
+    def survivors(self, kept: Int64) -> GofState:
         """Without the Gaussians that are not among the rows `kept`."""
         if len(kept) == self.frame.num_gaussians:
             return replace(self, frame=replace(self.frame, verbatim=None))
@@ -83,8 +82,8 @@ class GofState:
             frame=frame,
             visibility=self.visibility.of(frame),
             levels=self.levels.take(kept),
-            history=self.history.merged(0, kept, block_log2),
-            moved=self.motion().survivors(kept, block_log2),
+            history=self.history.merged(0, kept),
+            moved=self.motion().survivors(kept),
         )
 
     def after(
@@ -103,7 +102,7 @@ class GofState:
         cells = motion.cells_of(births.planes[Attribute.POSITION].wide())
         return insertion(motion.keys(), motion.keys_of(cells))
 
-    def with_births(self, births: FrameState, source: Int64, block_log2: int) -> GofState:
+    def with_births(self, births: FrameState, source: Int64) -> GofState:
         """With Gaussians more: row i is row source[i] of those that are there and `births`."""
         motion = self.motion()
         positions = births.planes[Attribute.POSITION].wide()
@@ -114,8 +113,8 @@ class GofState:
             frame=frame,
             visibility=self.visibility.of(frame),
             levels=self.levels.merge(round_divide(positions, self.position_step), source),
-            history=self.history.merged(len(positions), source, block_log2),
-            moved=motion.with_births(cells, source, block_log2),
+            history=self.history.merged(len(positions), source),
+            moved=motion.with_births(cells, source),
         )
 
     def expected_places(self) -> Int64:

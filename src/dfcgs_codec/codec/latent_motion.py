@@ -10,7 +10,7 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.motion_header import LatentHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.compensation import spread_over
+from dfcgs_codec.codec.activity import nonzero_rows
 from dfcgs_codec.codec.dpb import SH_BANDS, FrameState, Plane
 from dfcgs_codec.codec.gof_state import GofState
 from dfcgs_codec.codec.symbols import SymbolCoder
@@ -18,6 +18,8 @@ from dfcgs_codec.entropy.symbols import Groups, code_escaping, code_residuals
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape
 from dfcgs_codec.model.latent_model import HYPER_REACH, NUM_LATENTS, WIDTHS, LatentModel, PriorInputs
 from dfcgs_codec.transform.normalisation import Normalisation, shifted
+from dfcgs_codec.transform.rotation import ONE, normalise
+from dfcgs_codec.transform.spreading import Spreading
 
 Int64 = npt.NDArray[np.int64]
 
@@ -65,7 +67,7 @@ class LatentReference:
     @property
     def rows(self) -> Int64:
         """Row (n,) of each control point."""
-        return self._state.motion().field.gaussians
+        return self._state.control.points()[1]
 
     def prior(self, rows: Int64 | None = None) -> Int64:
         """Spatial-temporal prior (rows, 16) of some Gaussians, or of all."""
@@ -79,13 +81,10 @@ class LatentReference:
 
     def moved(self, header: LatentHeader, latents: Int64) -> FrameState:
         """The frame when control points spread the motion that `latents` (n, 16) stand for."""
-        motion, frame = self._state.motion(), self._state.frame
         found = self.model.motions(latents)
         translations = shifted(found[:, :3], self.normalisation.exponent - _MOTION_BITS)
         motions = np.concatenate([translations, found[:, 3:] << _TURN_SHIFT], axis=1)
-        spread = header.spread
-        spreading = motion.spreading.of(spread.num_neighbours, spread.decay_exponent, motion.origins)
-        return spread_over(motions, spreading, np.ones(frame.num_gaussians, np.bool_), frame)
+        return spread_over(motions, self._state.control.spreading(header.spread), self._state.frame)
 
     def refined(self, frame: FrameState) -> FrameState:
         """`frame`, predicted from the reference, with the model's changes of colour; it holds no floats."""
@@ -102,6 +101,26 @@ class LatentReference:
             planes[attribute] = Plane(changed)
             start = stop
         return replace(frame, planes=planes, verbatim=None)
+
+
+def spread_over(motions: Int64, spreading: Spreading, reference: FrameState) -> FrameState:
+    """The frame that `reference` becomes when control points spread their `motions` (n, 7).
+
+    Columns: translation in grid units, change of the quaternion in 2**-24. All add what they receive (the
+    paper's equation of motion compensation); nothing received changes no bit.
+    """
+    limited = np.clip(motions, -2 * STATE_LIMIT, 2 * STATE_LIMIT)
+    received = spreading.received(limited, reference.num_gaussians)
+    planes = dict(reference.planes)
+    positions = reference.planes[Attribute.POSITION].wide() + received[:, :3]
+    planes[Attribute.POSITION] = Plane(np.clip(positions, -STATE_LIMIT, STATE_LIMIT))
+    rotations = reference.planes[Attribute.ROTATION].wide()
+    changed = rotations + np.clip(received[:, 3:], -ONE, ONE)
+    rows = np.flatnonzero(nonzero_rows(received[:, 3:]) & nonzero_rows(changed))
+    if len(rows):
+        rotations[rows] = normalise(changed[rows])
+        planes[Attribute.ROTATION] = Plane(rotations)
+    return replace(reference, planes=planes, verbatim=None)
 
 
 def code_hyper(coder: SymbolCoder, hyper: Int64 | None, model: LatentModel, count: int) -> Int64:

@@ -48,9 +48,9 @@ def intra_memory(num_gaussians: int, columns: int) -> int:
     return num_gaussians * (850 + 27 * columns)
 
 
-def inter_memory(num_gaussians: int, columns: int, coded: int, has_prior: bool) -> int:
+def inter_memory(num_gaussians: int, columns: int, coded: int) -> int:
     """Bytes that a P-frame takes with all that is kept for it; `coded` of its columns have symbols."""
-    return num_gaussians * (1500 + 27 * columns + (65 if has_prior else 25) * coded)
+    return num_gaussians * (1500 + 27 * columns + 65 * coded)
 
 
 def intra_work(num_gaussians: int, columns: int) -> int:
@@ -82,9 +82,9 @@ def inter_work(num_gaussians: int, coded: int, tools: frozenset[Tool]) -> int:
     return fixed + num_gaussians * each
 
 
-def symbol_work(num_symbols: int, has_prior: bool) -> int:
+def symbol_work(num_symbols: int) -> int:
     """Of symbols of a P-frame."""
-    return num_symbols * (250 if has_prior else 60)
+    return 250 * num_symbols
 
 
 def control_work(num_gaussians: int, control: ControlHeader) -> int:
@@ -96,8 +96,8 @@ def control_work(num_gaussians: int, control: ControlHeader) -> int:
 class Budget:
     """What a file has asked for so far, held against `limits`."""
 
-    def __init__(self, limits: DecoderLimits, attributes: list[Attribute], has_prior: bool) -> None:
-        self._limits, self._has_prior = limits, has_prior
+    def __init__(self, limits: DecoderLimits, attributes: list[Attribute]) -> None:
+        self._limits = limits
         self._columns = sum(STATE_COLUMNS[a] for a in attributes)
         self._bytes = self._work = 0
         self._control: ControlHeader | None = None
@@ -122,20 +122,20 @@ class Budget:
             work += control_work(num_gaussians, self._control)
             self._control = None
         if header.tools or header.steps:
-            memory = inter_memory(num_gaussians, self._columns, coded, self._has_prior)
+            memory = inter_memory(num_gaussians, self._columns, coded)
             self._frame(frame, num_gaussians, memory)
         self._spend(frame, num_gaussians, work)
 
     def births(self, frame: int, num_births: int, num_gaussians: int) -> None:
         """Charge births; `num_gaussians`: with them."""
         memory = intra_memory(num_births, self._columns)
-        memory += inter_memory(num_gaussians, self._columns, self._columns, self._has_prior)
+        memory += inter_memory(num_gaussians, self._columns, self._columns)
         self._frame(frame, num_gaussians, memory)
         self._spend(frame, num_gaussians, intra_work(num_births, self._columns))
 
     def symbols(self, frame: int, num_gaussians: int, num_symbols: int) -> None:
         """Charge what was read from a stream of a P-frame."""
-        self._spend(frame, num_gaussians, symbol_work(num_symbols, self._has_prior))
+        self._spend(frame, num_gaussians, symbol_work(num_symbols))
 
     def spread(self, frame: int, num_gaussians: int, num_shares: int) -> None:
         """Charge motion that control points spread, so many shares in all."""
@@ -182,11 +182,10 @@ class FrameCharge:
         """See Budget."""
         self.budget.symbols(self.frame, self.num_gaussians, num_symbols)
 
-    def spread(self, num_points: int, spread: SpreadHeader | None) -> None:
-        """See Budget; nothing where motion is not spread."""
-        if spread is not None:
-            shares = num_points * min(spread.num_neighbours, self.num_gaussians)
-            self.budget.spread(self.frame, self.num_gaussians, shares)
+    def spread(self, num_points: int, spread: SpreadHeader) -> None:
+        """See Budget."""
+        shares = num_points * min(spread.num_neighbours, self.num_gaussians)
+        self.budget.spread(self.frame, self.num_gaussians, shares)
 
     def latents(self, num_points: int) -> None:
         """See Budget."""

@@ -8,20 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.codec.activity import AttributeActivity, num_blocks
-from dfcgs_codec.codec.component import EarlierPasses, code_component
-from dfcgs_codec.codec.control_context import ControlPrior
+from dfcgs_codec.codec.activity import BLOCK_LOG2, num_blocks
+from dfcgs_codec.codec.control_context import NUM_COLUMNS, ControlPrior
 from dfcgs_codec.codec.symbols import Int64, SymbolCoder
 from dfcgs_codec.entropy.symbols import Groups, code_with_models
-from dfcgs_codec.transform.lod import order_levels
 
 Bool = npt.NDArray[np.bool_]
 
 #: classes of blocks: all Gaussians stand still, all follow, each has a flag
 STILL, FOLLOW, MIXED = range(3)
 NUM_MODES = 3
-#: symbols of a control point at most: translation, and turn vector or change of a quaternion
-NUM_CONTROL_COLUMNS = 7
 #: modes and follow flags; control points
 NUM_MOTION_STREAMS = 2
 
@@ -30,7 +26,7 @@ NUM_MOTION_STREAMS = 2
 class MotionSymbols:
     """What a MOTION chunk carries.
 
-    `control` int64 (n, 7): symbols of translation and turn, zero for control points and columns without any;
+    `control` int64 (n, 6): symbols of translation and turn, zero where nothing turns;
     `modes` int64 (blocks,): STILL, FOLLOW or MIXED; `follows` bool (N,).
     """
 
@@ -38,43 +34,29 @@ class MotionSymbols:
     modes: Int64
     follows: Bool
 
-    def activity(self) -> AttributeActivity:
-        """Who moved, as context of the first residual stream."""
-        follows = self.follows.astype(np.int64)[:, None]
-        return AttributeActivity(follows, self.modes, np.zeros(len(self.modes), np.int64))
-
-    def merged(self, num_births: int, source: Int64, block_log2: int) -> MotionSymbols:
+    def merged(self, num_births: int, source: Int64) -> MotionSymbols:
         """After Gaussians went and came; births followed nobody, modes are forgotten."""
         follows = np.concatenate([self.follows, np.zeros(num_births, np.bool_)])[source]
-        return MotionSymbols(self.control, np.zeros(num_blocks(len(follows), block_log2), np.int64), follows)
+        return MotionSymbols(self.control, np.zeros(num_blocks(len(follows)), np.int64), follows)
 
     @staticmethod
-    def none(num_points: int, num_gaussians: int, num_blocks: int) -> MotionSymbols:
+    def none(num_points: int, num_gaussians: int) -> MotionSymbols:
         """All stand still."""
-        control = np.zeros((num_points, NUM_CONTROL_COLUMNS), np.int64)
-        return MotionSymbols(control, np.zeros(num_blocks, np.int64), np.zeros(num_gaussians, np.bool_))
+        control = np.zeros((num_points, NUM_COLUMNS), np.int64)
+        modes = np.zeros(num_blocks(num_gaussians), np.int64)
+        return MotionSymbols(control, modes, np.zeros(num_gaussians, np.bool_))
 
 
 @dataclass(frozen=True)
 class MotionShape:
     """What headers and control points say that the walk needs.
 
-    `coded` (k,): ranks of the control points with symbols, in GoF order; `num_columns` 3, 6 or 7; `prior`:
-    where the sequence has a model and the rule is GATHER.
+    `order` (n,): ranks of the control points, in GoF order; `num_columns` 3 or 6.
     """
 
-    coded: Int64
+    order: Int64
     num_columns: int
-    block_log2: int
-    prior: ControlPrior | None = None
-
-
-def classify_modes(follows: Bool, block_log2: int) -> Int64:
-    """Mode (blocks,) of each block."""
-    starts = np.arange(0, len(follows), 1 << block_log2)
-    count = np.add.reduceat(follows.astype(np.int64), starts)
-    size = np.diff(np.append(starts, len(follows)))
-    return np.where(count == 0, STILL, np.where(count == size, FOLLOW, MIXED))
+    prior: ControlPrior
 
 
 def _code_modes(coder: SymbolCoder, modes: Int64 | None, before: Int64) -> Int64:
@@ -100,20 +82,6 @@ def _code_follows(coder: SymbolCoder, follows: Bool | None, mode: Int64, before:
     return result
 
 
-def _code_control(coder: SymbolCoder, target: Int64 | None, before: Int64, num_columns: int) -> Int64:
-    """Symbols (k, 7) of control points in GoF order; `before` (k, 7): their last symbols."""
-    count = len(before)
-    if not count:
-        return np.zeros((0, NUM_CONTROL_COLUMNS), np.int64)
-    lod = order_levels(count)
-    earlier = EarlierPasses(count, hints=[np.abs(before).sum(axis=1)])
-    result = np.zeros((count, NUM_CONTROL_COLUMNS), np.int64)
-    for column in range(num_columns):
-        given = None if target is None else target[:, column]
-        result[:, column] = code_component(coder, given, lod, earlier)
-    return result
-
-
 def code_motion(
     next_coder: Callable[[], SymbolCoder],
     symbols: MotionSymbols | None,
@@ -123,27 +91,12 @@ def code_motion(
     """Both streams of a MOTION chunk; `history`: what the GoF's last one carried; returns the symbols."""
     coder = next_coder()
     modes = _code_modes(coder, None if symbols is None else symbols.modes, history.modes)
-    block = np.arange(len(history.follows)) >> shape.block_log2
+    block = np.arange(len(history.follows)) >> BLOCK_LOG2
     given = None if symbols is None else symbols.follows
     follows = _code_follows(coder, given, modes[block], history.follows)
-    control = np.zeros((len(history.control), NUM_CONTROL_COLUMNS), np.int64)
-    target = None if symbols is None else symbols.control[shape.coded]
-    before = history.control[shape.coded]
-    control[shape.coded] = _code_either(next_coder(), target, before, shape)
+    order, num_columns = shape.order, shape.num_columns
+    control = np.zeros((len(order), NUM_COLUMNS), np.int64)
+    target = None if symbols is None else symbols.control[order]
+    before = history.control[order]
+    control[order, :num_columns] = shape.prior.code(next_coder(), target, order, before, num_columns)
     return MotionSymbols(control, modes, follows)
-
-
-def _code_either(coder: SymbolCoder, target: Int64 | None, before: Int64, shape: MotionShape) -> Int64:
-    """Symbols (k, 7) with the prior or without, as the stream says; without any control points, nothing."""
-    prior = shape.prior
-    if prior is None or not len(before):
-        return _code_control(coder, target, before, shape.num_columns)
-
-    def walk(chosen: SymbolCoder, with_prior: bool) -> Int64:
-        if not with_prior:
-            return _code_control(chosen, target, before, shape.num_columns)
-        result = np.zeros((len(before), NUM_CONTROL_COLUMNS), np.int64)
-        result[:, : shape.num_columns] = prior.code(chosen, target, shape.coded, before, shape.num_columns)
-        return result
-
-    return coder.either(walk)

@@ -13,17 +13,12 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_LIMIT, ControlRule
+from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_LIMIT
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.binding import Binding
 from dfcgs_codec.codec.reconstruct import scaled
-from dfcgs_codec.transform.control_points import (
-    distinct_points,
-    farthest_points,
-    gather_from,
-    stride_points,
-)
+from dfcgs_codec.transform.control_points import farthest_points, gather_from
 from dfcgs_codec.transform.rigid import RigidMotion
 from dfcgs_codec.transform.rotation import STEREO_ONE
 
@@ -32,8 +27,6 @@ Float64 = npt.NDArray[np.float64]
 
 #: each level has this many times the control points of all coarser ones together, and one more
 LEVEL_GROWTH_LOG2 = 2
-#: the temporal weight is in quarters
-TEMPORAL_WEIGHT_BITS = 2
 
 
 def level_starts(count: int) -> list[int]:
@@ -44,32 +37,28 @@ def level_starts(count: int) -> list[int]:
     return [*starts[:-1], count]
 
 
+def control_points(cells: Int64, control: ControlHeader) -> Int64:
+    """Which of the I-frame's Gaussians, at `cells` (N, 3), are control points (n,), coarse to fine.
+
+    One for every `spacing` Gaussians, at least one.
+    """
+    return farthest_points(cells, min(max(1, len(cells) // control.spacing), MAX_CONTROL_POINTS))
+
+
 @dataclass(frozen=True)
 class MotionHistory:
-    """What the frames before did, by control point; all int64.
-
-    `translations`, `vectors` (n, 3): how the last motion differed from its prediction by coarser points;
-    `symbols` (n, 7): the last symbols.
-    """
+    """How each control point's last motion differed from its prediction by coarser ones; int64 (n, 3)."""
 
     translations: Int64
     vectors: Int64
-    symbols: Int64
-
-    def of_next_frame(self, weight: int) -> MotionHistory:
-        """How the motion will differ, if `weight` quarters of that last."""
-        half = 1 << (TEMPORAL_WEIGHT_BITS - 1)
-        translations = (self.translations * weight + half) >> TEMPORAL_WEIGHT_BITS
-        vectors = (self.vectors * weight + half) >> TEMPORAL_WEIGHT_BITS
-        return MotionHistory(translations, vectors, self.symbols)
 
 
 def _rest(count: int) -> MotionHistory:
     nothing = np.zeros((count, 3), np.int64)
-    return MotionHistory(nothing, nothing, np.zeros((count, 6), np.int64))
+    return MotionHistory(nothing, nothing)
 
 
-#: gives the symbols (rows, 6 or 7) of control points `rows`, told their expected translations and turns
+#: gives the symbols (rows, 6) of control points `rows`, told their expected translations and turns
 SymbolSource = Callable[[slice, Int64, Int64], Int64]
 
 
@@ -101,12 +90,8 @@ class MotionField:
 
     @staticmethod
     def of(positions: Int64, cells: Int64, control: ControlHeader) -> MotionField:
-        """Control points of I-frame `positions` (N, 3): one for every `spacing` Gaussians, at least one."""
-        count = min(max(1, len(positions) // control.spacing), MAX_CONTROL_POINTS)
-        if control.rule == ControlRule.FARTHEST:
-            points = farthest_points(cells, count)
-        else:
-            points = distinct_points(cells, stride_points(len(positions), count))
+        """Control points of I-frame `positions` (N, 3)."""
+        points = control_points(cells, control)
         chosen = cells[points]
         starts = level_starts(len(points))
         parents = [
@@ -118,16 +103,14 @@ class MotionField:
         """Motion of all control points, level by level: prediction plus steps times what `symbols` gives."""
         translations = np.zeros((self.num_points, 3), np.int64)
         vectors = np.zeros((self.num_points, 3), np.int64)
-        own = self.history.of_next_frame(header.temporal_weight)
         predicted = []
         for start, end, binding in self._levels():
             rows = slice(start, end)
-            expected = own.translations[rows], own.vectors[rows]
+            expected = translations[rows], vectors[rows]
             if binding is not None:
                 coarse = RigidMotion(self.pivots[:start], translations[:start], vectors[:start])
                 moves = binding.moves(coarse, self.pivots[rows].T.astype(np.float64))
-                spatial = binding.chosen(moves).T.astype(np.int64), binding.turns(coarse)
-                expected = expected[0] + spatial[0], expected[1] + spatial[1]
+                expected = binding.chosen(moves).T.astype(np.int64), binding.turns(coarse)
                 predicted.append(moves)
             change = symbols(rows, *expected)
             moved = expected[0] + scaled(change[:, :3], header.translation_step)
@@ -144,7 +127,7 @@ class MotionField:
             (*ends, binding) for ends, binding in zip(pairwise(starts), [None, *self.parents], strict=True)
         ]
 
-    def after(self, moved: FieldMotion, symbols: Int64, step: int) -> MotionField:
+    def after(self, moved: FieldMotion, step: int) -> MotionField:
         """The field before the next frame; `step` is that of translations."""
         motion = moved.motion
         translations, vectors = motion.translations.copy(), motion.vectors.copy()
@@ -158,6 +141,4 @@ class MotionField:
             vectors[start:end] -= learnt.turns(coarse)
             parents.append(learnt)
         pivots = np.clip(self.pivots + motion.translations, -STATE_LIMIT, STATE_LIMIT)
-        return replace(
-            self, pivots=pivots, parents=parents, history=MotionHistory(translations, vectors, symbols)
-        )
+        return replace(self, pivots=pivots, parents=parents, history=MotionHistory(translations, vectors))

@@ -22,7 +22,7 @@ class _Charging:
     def __init__(self, container: ContainerReader) -> None:
         self._container, self._sequence = container, container.sequence
         attributes = coded_attributes(self._sequence.sh_degree)
-        self._budget = Budget(DecoderLimits(), attributes, bool(self._sequence.model_id))
+        self._budget = Budget(DecoderLimits(), attributes)
         self._count = 0
 
     def chunk(self, head: ChunkHead) -> None:

@@ -10,12 +10,10 @@ from dfcgs_codec.arguments import AnyPath, path_of
 from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
-    MAX_CONTROL_POINTS,
     STATE_COLUMNS,
     Attribute,
     ChunkType,
     IntraKind,
-    Profile,
 )
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.frame_headers import (
@@ -25,7 +23,6 @@ from dfcgs_codec.bitstream.frame_headers import (
     intra_streams,
 )
 from dfcgs_codec.bitstream.io import ByteReader
-from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.errors import CorruptBitstream
@@ -39,7 +36,7 @@ _PERMUTATION = "OUTPUT_ORDER"
 
 @dataclass
 class FrameInfo:
-    """One frame: bytes of its chunks, and of its streams by attribute; control points with symbols."""
+    """One frame: bytes of its chunks, and of its streams by attribute."""
 
     frame_index: int
     frame_number: int
@@ -47,7 +44,6 @@ class FrameInfo:
     num_gaussians: int
     num_bytes: int
     attribute_bytes: dict[str, int] = field(default_factory=dict)
-    control_points: int = 0
 
 
 @dataclass
@@ -148,12 +144,6 @@ def _topology(reader: ByteReader, head: ChunkHead, info: SequenceInfo) -> None:
     frame.num_gaussians += header.num_births - header.num_removals
 
 
-def _control_points(reader: ByteReader, profile: Profile) -> int:
-    if profile == Profile.PAPER:
-        return LatentHeader.read(reader).num_coded
-    return MotionHeader.read(reader, MAX_CONTROL_POINTS).num_coded
-
-
 def _collect(container: ContainerReader, info: SequenceInfo) -> None:
     numbers = info.header.frame_numbers.expand()
     attributes: list[Attribute] = []
@@ -172,11 +162,7 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
             info.frames.append(frame)
         elif kind == ChunkType.TOPOLOGY and info.frames:
             _topology(reader, head, info)
-        elif kind == ChunkType.MOTION and info.frames:
-            info.frames[-1].num_bytes += size
-            info.frames[-1].attribute_bytes[kind.name] = size
-            info.frames[-1].control_points = _control_points(reader, info.header.profile)
-        elif kind in (ChunkType.HYPERPRIOR, ChunkType.ESCAPES) and info.frames:
+        elif kind in (ChunkType.HYPERPRIOR, ChunkType.MOTION, ChunkType.ESCAPES) and info.frames:
             info.frames[-1].num_bytes += size
             info.frames[-1].attribute_bytes[kind.name] = size
         elif kind == ChunkType.PLY_COMMENTS:

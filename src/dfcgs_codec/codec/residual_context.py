@@ -1,4 +1,4 @@
-"""What both sides know of a Gaussian before its residual, as inputs of the prior (spec section 17.4).
+"""What both sides know of a Gaussian before its residual, as inputs of the prior (spec section 12.3).
 
 All inputs are integers from 0 to 255; magnitudes come as logarithms, eight to an octave.
 """

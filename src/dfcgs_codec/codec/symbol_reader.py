@@ -19,8 +19,6 @@ from dfcgs_codec.codec.symbols import (
     Int64,
     ResidualEvidence,
     SplitEvidence,
-    SymbolCoder,
-    T,
     WeightEvidence,
 )
 from dfcgs_codec.entropy.coder import Model, RangeReader, uniform
@@ -51,10 +49,6 @@ class SymbolReader(RangeReader):
     def choice(self, size: int, evidence: Callable[[], int]) -> int:
         """See SymbolCoder."""
         return int(self.code(np.zeros(1, np.int64), uniform(size), 1)[0])
-
-    def either(self, walk: Callable[[SymbolCoder, bool], T]) -> T:
-        """See SymbolCoder."""
-        return walk(self, self.choice(2, lambda: 0) == 1)
 
     def predictor(self, num_before: int, evidence: Callable[[], ColumnFacts]) -> tuple[int, Int64, Int64]:
         """See SymbolCoder."""

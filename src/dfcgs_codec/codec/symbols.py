@@ -9,7 +9,7 @@ so that a reader never computes it (spec section 11).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +19,6 @@ from dfcgs_codec.transform.lod import LevelsOfDetail
 
 Int64 = npt.NDArray[np.int64]
 UInt8 = npt.NDArray[np.uint8]
-
-T = TypeVar("T")
 
 #: residuals (int64) and their contexts (uint8), of the same length
 ResidualEvidence = Callable[[], tuple[Int64, UInt8]]
@@ -66,10 +64,6 @@ class SymbolCoder(RangeCoder, Protocol):
 
     def choice(self, size: int, evidence: Callable[[], int]) -> int:
         """A number 0 <= choice < size."""
-        ...
-
-    def either(self, walk: Callable[[SymbolCoder, bool], T]) -> T:
-        """A stream that is walked in one of two ways, and says which in its first symbol."""
         ...
 
     def predictor(self, num_before: int, evidence: Callable[[], ColumnFacts]) -> tuple[int, Int64, Int64]:

@@ -10,19 +10,12 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import MAX_SORT_BITS, Attribute
 from dfcgs_codec.bitstream.frame_headers import SortGrid
-from dfcgs_codec.codec.activity import (
-    DENSE,
-    NUM_MAGNITUDES,
-    AttributeActivity,
-    InterSymbols,
-    nonzero_rows,
-    row_sums,
-)
+from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols, nonzero_rows
 from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.encoder.block_classes import classify_blocks
 from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.transform.companding import compress
-from dfcgs_codec.transform.lod import ladder
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
 from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, multiply, to_stereo
@@ -116,7 +109,6 @@ class ResidualQuantiser:
 
     quantisation: Quantisation
     zero_bin: ZeroBin
-    block_log2: int
     multipliers: Mapping[Attribute, Int64] = field(default_factory=dict)
     slack: Mapping[Attribute, Int64] = field(default_factory=dict)
     slack_share: float = SLACK
@@ -163,22 +155,6 @@ def moved_rows(attribute: Attribute, reference: FrameState, predicted: FrameStat
     return None if old is new else nonzero_rows(new.values - old.values)
 
 
-def classify_blocks(symbols: Int64, block_log2: int) -> tuple[Int64, Int64]:
-    """Density and magnitude class of each block of `symbols` (N, C)."""
-    starts = np.arange(0, len(symbols), 1 << block_log2)
-    magnitude = row_sums(np.abs(symbols))
-    significant = np.add.reduceat((magnitude > 0).astype(np.int64), starts)
-    size = np.diff(np.append(starts, len(symbols)))
-    density = np.where(significant * 4 < size, 1, 2)
-    density = np.where(significant == size, DENSE, density)
-    density[significant == 0] = 0
-    if significant.sum() > _ALL_DENSE_SHARE * len(symbols):
-        density[:] = DENSE
-    total = np.add.reduceat(magnitude, starts) * 4
-    mean = total // np.maximum(significant * symbols.shape[1], 1)
-    return density, ladder(mean, NUM_MAGNITUDES)
-
-
 def inter_symbols(
     target: Planes,
     before: Planes,
@@ -202,7 +178,7 @@ def inter_symbols(
             continue
         symbols = quantiser.symbols(attribute, changed, values, predicted.planes[attribute].wide())
         if symbols.any():
-            activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols, quantiser.block_log2))
+            activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols))
     return InterSymbols(activity)
 
 

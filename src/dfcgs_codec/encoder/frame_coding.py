@@ -29,7 +29,6 @@ from dfcgs_codec.codec.topology import TopologySymbols, code_places, code_topolo
 from dfcgs_codec.codec.verbatim import VerbatimSymbols, code_verbatim
 from dfcgs_codec.encoder.intra_plan import IntraTarget
 from dfcgs_codec.encoder.motion_choice import MotionTrial
-from dfcgs_codec.encoder.prior_choice import PriorChoice, PriorMode
 from dfcgs_codec.encoder.streams import Streams
 
 Int64 = npt.NDArray[np.int64]
@@ -56,9 +55,7 @@ class ResidualCoding:
     """
 
     steps: dict[Attribute, int]
-    block_log2: int
     visibility: dict[Attribute, int] = field(default_factory=dict)
-    choice: PriorChoice = field(default_factory=lambda: PriorChoice(PriorMode.AUTO))
 
     def of(self, attributes: list[Attribute]) -> ResidualCoding:
         """That of some of the attributes."""
@@ -154,7 +151,7 @@ def code_empty_frame(frame_index: int, attributes: list[Attribute], setup: GofSe
 def code_repetition(frame_index: int, before: GofState) -> CodedFrame:
     """A P-frame that is as the frame that left `before`."""
     writer = ByteWriter()
-    InterHeader(before.frame.hash(), frozenset(), 0, {}).write(writer)
+    InterHeader(before.frame.hash(), frozenset(), {}).write(writer)
     return CodedFrame(write_chunk(ChunkType.INTER_FRAME, frame_index, writer.getvalue()), "skip", before)
 
 
@@ -187,30 +184,26 @@ def _chunk_of_streams(kind: ChunkType, frame_index: int, head: ByteWriter, strea
     return write_chunk(kind, frame_index, head.getvalue())
 
 
-def _motion_chunk(frame_index: int, before: GofState, trial: MotionTrial, coding: ResidualCoding) -> bytes:
+def _motion_chunk(frame_index: int, before: GofState, trial: MotionTrial) -> bytes:
     writer = ByteWriter()
     trial.header.write(writer)
-    motion, block_log2 = before.motion(), coding.block_log2
-    streams = Streams([None, coding.choice.preferred(None)])
-    shape = motion.shape(trial.header, block_log2, before.model)
-    code_motion(streams.next, trial.symbols, motion.history(block_log2), shape)
-    coding.choice.learn(None, streams.preferred[1])
+    motion, streams = before.motion(), Streams()
+    shape = motion.shape(trial.header, before.model)
+    code_motion(streams.next, trial.symbols, motion.symbols, shape)
     return _chunk_of_streams(ChunkType.MOTION, frame_index, writer, streams.finish())
 
 
 def _residual_chunk(
-    frame_index: int, symbols: InterSymbols, state: GofState, shape: InterShape, choice: PriorChoice
+    frame_index: int, symbols: InterSymbols, state: GofState, shape: InterShape
 ) -> tuple[bytes, InterSymbols]:
     """The chunk, and what is remembered of its symbols."""
-    streams = Streams([choice.preferred(attribute) for attribute in shape.attributes])
+    streams = Streams()
     coded = code_inter(streams.next, symbols, state.history, shape)
-    for attribute, with_prior in zip(shape.attributes, streams.preferred, strict=True):
-        choice.learn(attribute, with_prior)
     return _chunk_of_streams(ChunkType.RESIDUAL, frame_index, ByteWriter(), streams.finish()), coded
 
 
 def _topology(
-    frame_index: int, change: TopologyChange, state: GofState, block_log2: int
+    frame_index: int, change: TopologyChange, state: GofState
 ) -> tuple[bytes, GofState, Int64 | None]:
     """The chunk, and `state`, the survivors' after the frame, with births and all in their places."""
     coded = change.coded(state.visibility.units)
@@ -218,7 +211,7 @@ def _topology(
     streams = Streams()
     if born is not None:
         source = state.places_of_births(born)
-        state = state.with_births(born, source, block_log2)
+        state = state.with_births(born, source)
     if change.inputs is not None:
         places = change.inputs if source is None else change.inputs[source]
     if places is not None and not np.array_equal(places, state.expected_places()):
@@ -242,25 +235,25 @@ def code_inter_frame(
 
     With a `change`, `before`, `symbols` and `trial` are those of the survivors.
     """
-    used, block_log2 = coding.of(sorted(symbols.activity)), coding.block_log2
+    used = coding.of(sorted(symbols.activity))
     chunks: list[bytes] = []
-    activity, carried, source = None, None, None
+    modes, carried, source = None, None, None
     predicted = before.frame
     if trial is not None:
-        chunks.append(_motion_chunk(frame_index, before, trial, coding))
-        predicted, activity = trial.carried.state, trial.symbols.activity()
+        chunks.append(_motion_chunk(frame_index, before, trial))
+        predicted, modes = trial.carried.state, trial.symbols.modes
         carried = (trial.carried, trial.symbols)
     if used.steps:
         prior = before.prior(used.visibility, None if trial is None else trial.symbols)
         count = predicted.num_gaussians
-        shape = InterShape(list(used.steps), count, block_log2, before.levels, activity, prior)
-        chunk, symbols = _residual_chunk(frame_index, symbols, before, shape, coding.choice)
+        shape = InterShape(list(used.steps), count, before.levels, prior, modes)
+        chunk, symbols = _residual_chunk(frame_index, symbols, before, shape)
         chunks.append(chunk)
     coarser = before.visibility.all_multipliers(used.visibility)
     frame = reconstruct_inter(symbols, used.steps, predicted, coarser)
     state = before.after(frame.on_grid() if chunks or change else frame, symbols, carried)
     if change is not None:
-        chunk, state, source = _topology(frame_index, change, state, block_log2)
+        chunk, state, source = _topology(frame_index, change, state)
         chunks.insert(0, chunk)
     present = {
         Tool.MOTION: trial is not None,
@@ -269,6 +262,6 @@ def code_inter_frame(
     }
     tools = frozenset(tool for tool, is_used in present.items() if is_used)
     writer = ByteWriter()
-    InterHeader(state.frame.hash(), tools, block_log2, used.steps, used.visibility).write(writer)
+    InterHeader(state.frame.hash(), tools, used.steps, used.visibility).write(writer)
     data = write_chunk(ChunkType.INTER_FRAME, frame_index, writer.getvalue()) + b"".join(chunks)
     return CodedFrame(data, "P" if chunks else "skip", state, source)

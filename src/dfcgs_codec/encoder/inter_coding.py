@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import Attribute, Compensation, OutputOrder
+from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
 from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.codec.activity import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.gof_state import GofState
@@ -29,20 +29,13 @@ from dfcgs_codec.encoder.frame_coding import (
 )
 from dfcgs_codec.encoder.identity import Members, Succession
 from dfcgs_codec.encoder.intra_plan import IntraPlan, inter_levels, steps_in_intra_frame
-from dfcgs_codec.encoder.motion_choice import MotionHint, MotionTask, MotionTrial, choose_motion
-from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
-from dfcgs_codec.encoder.prior_choice import PriorChoice
+from dfcgs_codec.encoder.motion_choice import MotionTask, MotionTrial, choose_motion
+from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.reference import InputFrame
-from dfcgs_codec.encoder.spread_motion import spread_header, spread_motion
 from dfcgs_codec.encoder.targets import ordered
 from dfcgs_codec.encoder.tuning import MotionMode
 
 Int64 = npt.NDArray[np.int64]
-
-#: motion that seems to save less than this share of the bits is compared with none for real
-_SURE_SHARE = 0.15
-#: and where it was better, it is trusted in so many frames more
-_TRUSTED_FRAMES = 4
 
 
 @dataclass(frozen=True)
@@ -56,17 +49,13 @@ class Births:
 
 @dataclass(frozen=True)
 class InterTask:
-    """A P-frame to be coded: `target` of the survivors, what it was `before`, the `state` they are in.
-
-    `hint`: what motion was best before.
-    """
+    """A P-frame to be coded: `target` of the survivors, what it was `before`, the `state` they are in."""
 
     index: int
     target: Planes
     before: Planes
     state: GofState
     births: Births | None
-    hint: MotionHint | None
 
 
 class InterCoder:
@@ -74,40 +63,19 @@ class InterCoder:
 
     def __init__(self, plan: SequencePlan) -> None:
         self._plan = plan
-        self._choice = PriorChoice(plan.options.tuning.prior)
         self._quantisation, self._slack_share = plan.quantisation, SLACK
-        self._trusted = 0
         self._intra_steps: IntraSteps | None = None
         self._known_slack: tuple[Visibility, dict[Attribute, npt.NDArray[np.int64]]] | None = None
         self._known_levels: tuple[Visibility, dict[Attribute, int]] | None = None
 
     def begin(self, steps: IntraSteps) -> None:
         """A GoF begins, with a coded I-frame that has these steps."""
-        self._intra_steps, self._known_slack, self._trusted = steps, None, 0
+        self._intra_steps, self._known_slack = steps, None
 
-    def code(self, task: InterTask, finer: float = 0.0) -> tuple[CodedFrame, MotionHint | None]:
-        """With motion or without, whichever is smaller, and what motion was best.
-
-        Steps are `finer` by so many octaves than planned.
-        """
+    def code(self, task: InterTask, finer: float = 0.0) -> CodedFrame:
+        """With motion where it seems to pay; steps are `finer` by so many octaves than planned."""
         self._quantisation, self._slack_share = self._plan.quantisation.finer(finer), SLACK * 2.0**-finer
-        trial = self._motion(task)
-        coded = self._coded(task, trial)
-        is_sure = trial is None or trial.saved >= _SURE_SHARE
-        if not is_sure and self._plan.options.tuning.motion == MotionMode.AUTO:
-            coded = self._better(task, coded)
-        return coded, None if trial is None else trial.hint
-
-    def _better(self, task: InterTask, moved: CodedFrame) -> CodedFrame:
-        """The frame as `moved`, or without motion, whichever is smaller; only now and then both are tried."""
-        if self._trusted:
-            self._trusted -= 1
-            return moved
-        still = self._coded(task, None)
-        if len(still.data) < len(moved.data):
-            return still
-        self._trusted = _TRUSTED_FRAMES
-        return moved
+        return self._coded(task, self._motion(task))
 
     def births(self, succession: Succession, frame: InputFrame, state: GofState) -> Births | None:
         """The change of topology since `state`, or None where all go on."""
@@ -149,15 +117,13 @@ class InterCoder:
         levels = self._levels(task.state.visibility)
         multipliers = task.state.visibility.all_multipliers(levels)
         slack, share = self.slack(task.state), self._slack_share
-        quantiser = ResidualQuantiser(
-            quantisation, ZeroBin(tuning.zero_bin), BLOCK_LOG2, multipliers, slack, share
-        )
+        quantiser = ResidualQuantiser(quantisation, ZeroBin(tuning.zero_bin), multipliers, slack, share)
         states = (reference, reference if trial is None else trial.carried.state)
         symbols = InterSymbols()
         if tuning.motion != MotionMode.ONLY:
             symbols = inter_symbols(task.target, task.before, states, quantiser)
         change = None if task.births is None else task.births.change
-        coding = ResidualCoding(quantisation.steps, BLOCK_LOG2, levels, self._choice)
+        coding = ResidualCoding(quantisation.steps, levels)
         return code_inter_frame(task.index, symbols, task.state, coding, trial, change)
 
     def _levels(self, visibility: Visibility) -> dict[Attribute, int]:
@@ -192,7 +158,6 @@ class InterCoder:
         changed = np.logical_or(*(nonzero_rows(task.target[a] - task.before[a]) for a in moving))
         if not changed.any():
             return None
-        steps, forced = self._quantisation.steps, mode in (MotionMode.ON, MotionMode.ONLY)
         state = task.state
         levels = self._levels(state.visibility)
         multipliers = state.visibility.all_multipliers({a: levels[a] for a in moving if a in levels})
@@ -201,15 +166,10 @@ class InterCoder:
             state.frame,
             task.target,
             changed,
-            steps,
-            BLOCK_LOG2,
+            self._quantisation.steps,
             multipliers,
-            forced,
-            task.hint,
             mode != MotionMode.ONLY,
             state.model,
             tuning.turns,
         )
-        if tuning.compensation == Compensation.SPREAD:
-            return spread_motion(motion_task, spread_header(self._plan, state.motion().field.num_points))
         return choose_motion(motion_task)

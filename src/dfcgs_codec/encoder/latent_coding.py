@@ -88,7 +88,7 @@ class LatentCoder:
             tools.add(Tool.REFINEMENT)
         after = state.after(frame.on_grid() if tools else frame, InterSymbols(), None)
         writer = ByteWriter()
-        InterHeader(after.frame.hash(), frozenset(tools), 0, {}).write(writer)
+        InterHeader(after.frame.hash(), frozenset(tools), {}).write(writer)
         data = write_chunk(ChunkType.INTER_FRAME, index, writer.getvalue()) + chunks
         return CodedFrame(data, "P" if tools else "skip", after)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +10,11 @@ from scipy.sparse import csc_array
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
 from dfcgs_codec.bitstream.motion_header import MotionHeader
-from dfcgs_codec.codec.binding import BLEND, Binding
-from dfcgs_codec.codec.motion_field import MotionField, level_starts
+from dfcgs_codec.codec.binding import BLEND, Binding, blend
+from dfcgs_codec.codec.motion_field import MotionField
 from dfcgs_codec.transform.control_points import GATHER_WEIGHT_BITS
 from dfcgs_codec.transform.pieces import pieces
+from dfcgs_codec.transform.rigid import RigidMotion, displacements
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, from_stereo, to_stereo
 
 Int64 = npt.NDArray[np.int64]
@@ -36,11 +36,6 @@ class Moments:
 
     sums: Float64
     center: Float64
-
-    def of_prefix(self, ancestors: Int64, count: int) -> Moments:
-        """Sums of the first `count` control points, each with those of all that it leads."""
-        summed = [np.bincount(ancestors, column, count) for column in self.sums.T]
-        return Moments(np.stack(summed, axis=1).astype(np.float64), self.center)
 
 
 def _carriers(binding: Binding, num_points: int) -> csc_array:
@@ -76,26 +71,26 @@ def measure(
     return Moments(_carriers(binding, num_points) @ columns, center)
 
 
+def chosen_moves(binding: Binding, motion: RigidMotion, positions: Float64) -> Float64:
+    """Displacements (3, N) of `positions` (3, N) by each one's choice, without those of other candidates."""
+    table, result = motion.table(), np.empty_like(positions)
+    gathering = binding.gathering
+    for part in pieces(positions.shape[1]):
+        choice, some, ranks = binding.choice[part], positions[:, part], gathering.ranks[:, part]
+        leader = ranks[np.maximum(choice - 1, 0), np.arange(len(choice))]
+        result[:, part] = displacements(table, leader, some)
+        rows = np.flatnonzero(choice == BLEND)
+        alone = [displacements(table, of_one[rows], some[:, rows]) for of_one in ranks]
+        result[:, part.start + rows] = blend(alone, gathering.weights[:, part][:, rows])
+    return result
+
+
 def trusted(errors: Float64, step: int) -> Float64:
     """Weights (N,) of Gaussians whose motion misses by `errors` (N, 3): less for those that go elsewhere."""
     x, y, z = errors.T
     distance = (x * x + y * y + z * z) / (_TRUSTED_STEPS * step) ** 2
     weights: Float64 = 1.0 / (1.0 + distance)
     return weights
-
-
-def ancestors_of(field: MotionField, count: int) -> Int64:
-    """For each control point the one among the first `count` that leads it in the end."""
-    leaders = np.arange(field.num_points)
-    starts = level_starts(field.num_points)
-    for start, end, binding in zip(starts[1:-1], starts[2:], field.parents, strict=True):
-        first = np.maximum(binding.choice - 1, 0)
-        leaders[start:end] = binding.gathering.ranks[first, np.arange(end - start)]
-    found = np.arange(field.num_points)
-    for start, end in pairwise(starts[1:]):
-        rows = np.arange(max(start, count), end)
-        found[rows] = found[leaders[rows]]
-    return found
 
 
 def _turns(moments: Moments) -> Float64:
@@ -135,21 +130,16 @@ class MotionQuantiser:
 
     def __call__(self, rows: slice, translations: Int64, vectors: Int64) -> Int64:
         """Symbols of control points `rows`, whose motion is expected as given."""
-        coded = slice(rows.start, min(rows.stop, self._header.num_coded))
-        count = coded.stop - coded.start
-        if count <= 0:
-            return self.symbols[rows]
-        sums = self._moments.sums[coded]
+        sums = self._moments.sums[rows]
         held = sums[:, 0] >= _MIN_SUPPORT
+        turned = np.zeros_like(vectors)
         if self._turns is not None:
-            turn = self._quantised(self._turns[coded] - vectors[:count], self._header.turn_step)
-            self.symbols[coded, 3:] = turn * held[:, None]
-            vectors = vectors[:count] + self.symbols[coded, 3:] * self._header.turn_step
-        else:
-            vectors = np.zeros((count, 3), np.int64)
-        goal = self._translations(sums, self._field.pivots[coded], vectors)
-        shift = self._quantised(goal - translations[:count], self._header.translation_step)
-        self.symbols[coded, :3] = shift * held[:, None]
+            turn = self._quantised(self._turns[rows] - vectors, self._header.turn_step)
+            self.symbols[rows, 3:] = turn * held[:, None]
+            turned = vectors + self.symbols[rows, 3:] * self._header.turn_step
+        goal = self._translations(sums, self._field.pivots[rows], turned)
+        shift = self._quantised(goal - translations, self._header.translation_step)
+        self.symbols[rows, :3] = shift * held[:, None]
         return self.symbols[rows]
 
     def _quantised(self, residual: Float64, step: int) -> Int64:

@@ -11,6 +11,7 @@ from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.codec.compensation import GofMotion, turned
 from dfcgs_codec.codec.dpb import FrameState
 from dfcgs_codec.encoder.analysis import Planes, relative_rotation
+from dfcgs_codec.encoder.motion_estimation import chosen_moves
 from dfcgs_codec.transform.rigid import RigidMotion
 
 Int64 = npt.NDArray[np.int64]
@@ -82,7 +83,7 @@ class MotionJudge:
         """Estimated bits of the residuals of positions and rotations after `motion`, or without any."""
         error, rotations = self._goal, self._rotations
         if motion is not None:
-            error = error - self._binding.chosen_moves(motion, self._positions)
+            error = error - chosen_moves(self._binding, motion, self._positions)
         if motion is not None and is_rigid:
             rotations = turned(rotations, self._binding.turns(motion))
         turns = relative_rotation(self._turned_goal, rotations, 1) / self._steps[Attribute.ROTATION]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import STATE_LIMIT, ChunkType, Precision, Profile, Tool
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, ChunkType, Precision, Tool
 from dfcgs_codec.bitstream.container import write_chunk
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
@@ -19,7 +19,6 @@ from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader, UnitExponents
 from dfcgs_codec.codec.dpb import array_of_columns, columns_of
 from dfcgs_codec.encoder.frame_coding import CodedFrame
-from dfcgs_codec.encoder.plan import BLOCK_LOG2
 from dfcgs_codec.encoder.position_grid import far_ones
 from dfcgs_codec.gaussians import GaussianCloud
 
@@ -171,8 +170,7 @@ def with_escapes(
     kind = ChunkType.INTRA_FRAME
     if isinstance(header, InterHeader):
         kind = ChunkType.INTER_FRAME
-        block_log2 = header.block_log2 or (BLOCK_LOG2 if sequence.profile == Profile.MAIN else 0)
-        header = replace(header, tools=header.tools | {Tool.ESCAPE}, block_log2=block_log2)
+        header = replace(header, tools=header.tools | {Tool.ESCAPE})
     else:
         header = replace(header, has_escapes=True)
     writer = ByteWriter()

@@ -144,11 +144,11 @@ class Cameras(OptionField[Views | None, Views | AnyPath | None]):
 
 
 class Choice(OptionField[_Named, _Named | str]):
-    """A member of an enumeration, or its name in small letters; `names` are other names for its members."""
+    """A member of an enumeration, or its name in small letters."""
 
-    def __init__(self, default: _Named, names: Mapping[str, _Named] | None = None) -> None:
+    def __init__(self, default: _Named) -> None:
         super().__init__(default)
-        self._names = names or {member.name.lower(): member for member in type(default)}
+        self._names = {member.name.lower(): member for member in type(default)}
 
     def _convert(self, value: Any) -> _Named:
         if isinstance(value, type(self._default)):

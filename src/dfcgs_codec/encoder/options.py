@@ -28,7 +28,6 @@ from dfcgs_codec.encoder.option_fields import (
     Switch,
     WholeOrAuto,
 )
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import MAX_PSNR, MAX_QP, MIN_PSNR, MIN_QP, QUALITIES, Bound
 from dfcgs_codec.encoder.tuning import EncoderTuning
 from dfcgs_codec.errors import InputError
@@ -191,17 +190,13 @@ class EncoderOptions:
 
     @property
     def model(self) -> str:
-        """Id of the model that the sequence names, empty where it needs none."""
-        if self.profile == Profile.PAPER:
-            return self.tuning.model_id or DEFAULT_MODEL
-        return "" if self.tuning.prior == PriorMode.PLAIN else self.tuning.model_id or DEFAULT_PRIOR
+        """Id of the model that the sequence names."""
+        return self.tuning.model_id or (DEFAULT_MODEL if self.profile == Profile.PAPER else DEFAULT_PRIOR)
 
     def describe(self, qp: float) -> str:
         """The settings in one line, for the file's encoder information; `qp` as it was chosen."""
         size = self.fixed_gof_size or "auto"
-        parts = [f"dfcgs-codec {__version__}", f"profile={self.profile.name.lower()}"]
-        if self.model:
-            parts.append(f"model={self.model}")
+        parts = [f"dfcgs-codec {__version__}", f"profile={self.profile.name.lower()}", f"model={self.model}"]
         if self.is_lossless:
             parts.append("quality=lossless")
         else:

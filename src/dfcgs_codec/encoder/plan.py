@@ -15,9 +15,6 @@ from dfcgs_codec.encoder.shown import Region, Seen
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.registry import context_model
 
-#: log2 of the Gaussians in a significance block
-BLOCK_LOG2 = 6
-
 
 @dataclass(frozen=True)
 class SequencePlan:
@@ -65,13 +62,12 @@ class SequencePlan:
     def gof_setup(self) -> GofSetup:
         """Units, and how control points are chosen: a cell is about as wide as a position step."""
         shift = self.steps[Attribute.POSITION].bit_length() - 1
-        tuning = self.options.tuning
-        control = ControlHeader(tuning.control_rule, tuning.control_spacing, shift)
+        control = ControlHeader(self.options.tuning.control_spacing, shift)
         return GofSetup(control, self.quantisation.units, self.context_model)
 
     @property
     def context_model(self) -> ContextModel | None:
-        """The frozen prior, where the sequence names one."""
-        if self.header.profile != Profile.MAIN or not self.header.model_id:
+        """The frozen prior of profile MAIN."""
+        if self.header.profile != Profile.MAIN:
             return None
         return context_model(self.header.model_id)

@@ -154,7 +154,7 @@ class _Subject:
             quantisation = quantisation.with_float32_positions()
         if tuning.exact and codes_main:
             quantisation = keep_exactly(quantisation, self.source, self._lattices, self.first.sh_degree)
-        model = installed(options.model) if options.model else None
+        model = installed(options.model)
         most = max(header.num_gaussians for header in headers)
         header = SequenceHeader(
             profile=options.profile,
@@ -164,8 +164,8 @@ class _Subject:
             frame_rate=(options.frame_rate.numerator, options.frame_rate.denominator),
             frame_numbers=FrameNumbers.of(self.source.numbers),
             unit_exponents=quantisation.units,
-            model_id="" if model is None else model.model_id,
-            model_hash=b"" if model is None else model.digest[:MODEL_HASH_BYTES],
+            model_id=model.model_id,
+            model_hash=model.digest[:MODEL_HASH_BYTES],
         )
         comments = display_comments(headers[0].comments)
         return SequencePlan(header, quantisation, options, qp, self.anchors, comments=comments)

@@ -12,7 +12,6 @@ from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.encoder.appearing import ColourSteps
 from dfcgs_codec.encoder.frame_coding import CodedFrame
 from dfcgs_codec.encoder.identity import Members, Succession
-from dfcgs_codec.encoder.motion_choice import MotionHint
 from dfcgs_codec.encoder.placing import Placing
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.encoder.targets import Planes
@@ -68,9 +67,8 @@ class CodedReference:
     """The closed loop after a frame: what was coded, who its Gaussians are, what they should have been.
 
     `cloud` and `planes` are those of the input, in its order; `moved` (N, 3): how far they went in one
-    frame, or nan; `hint`: what motion was best; `is_held`: attributes changed that P-frames of the profile
-    do not carry; `succession` from the frame before, `intra_steps` of an I-frame that P-frames are
-    measured by.
+    frame, or nan; `is_held`: attributes changed that P-frames of the profile do not carry; `succession` from
+    the frame before, `intra_steps` of an I-frame that P-frames are measured by.
     """
 
     coded: CodedFrame
@@ -80,7 +78,6 @@ class CodedReference:
     planes: Planes
     intra_bytes: int
     moved: Float64 | None = None
-    hint: MotionHint | None = None
     is_held: bool = False
     colours: ColourSteps | None = None
     succession: Succession | None = None

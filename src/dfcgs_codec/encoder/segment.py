@@ -33,7 +33,7 @@ from dfcgs_codec.encoder.inter_coding import Births, InterCoder, InterTask
 from dfcgs_codec.encoder.latent_coding import CARRIED, LatentCoder
 from dfcgs_codec.encoder.off_grid import Grids, in_gof_order, with_escapes
 from dfcgs_codec.encoder.placing import Placing
-from dfcgs_codec.encoder.plan import BLOCK_LOG2, SequencePlan
+from dfcgs_codec.encoder.plan import SequencePlan
 from dfcgs_codec.encoder.reference import CodedGof, CodedReference, CodedSegment, InputFrame, RunStart
 from dfcgs_codec.encoder.report import FrameRecord
 from dfcgs_codec.encoder.shown import Shown
@@ -191,16 +191,16 @@ class SegmentEncoder:
         state = before.coded.state
         births = self._inter_coder.births(succession, frame, state)
         if births is not None:
-            state = state.survivors(kept, BLOCK_LOG2)
+            state = state.survivors(kept)
         target_before = before.target if succession.all_survive else ordered(before.target, kept)
         same = (before.planes, before.target) if members is before.members else None
-        task = InterTask(index, members.target(planes, same), target_before, state, births, before.hint)
+        task = InterTask(index, members.target(planes, same), target_before, state, births)
         held = False
         if self._latent_coder is not None:
-            coded, hint = self._latent_coder.code(index, task.target, task.before, state), None
+            coded = self._latent_coder.code(index, task.target, task.before, state)
             held = any((task.target[a] != task.before[a]).any() for a in task.target if a not in CARRIED)
         else:
-            coded, hint = self._inter_coder.code(task, self._finer)
+            coded = self._inter_coder.code(task, self._finer)
         unit = 2.0**self._plan.header.unit_exponents.position
         went = task.target[Attribute.POSITION] - task.before[Attribute.POSITION]
         moved: Float64 = went.astype(np.float64) * unit
@@ -213,7 +213,7 @@ class SegmentEncoder:
             target = {a: np.concatenate([v, came[a]])[source] for a, v in target.items()}
             unknown = np.full((births.change.num_births, 3), np.nan)
             moved = np.concatenate([moved, unknown])[source]
-        found = CodedReference(coded, members, target, cloud, planes, before.intra_bytes, moved, hint, held)
+        found = CodedReference(coded, members, target, cloud, planes, before.intra_bytes, moved, held)
         if self._latent_coder is not None:
             return found
         found = replace(found, succession=succession)

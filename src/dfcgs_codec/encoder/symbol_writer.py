@@ -19,8 +19,6 @@ from dfcgs_codec.codec.symbols import (
     Int64,
     ResidualEvidence,
     SplitEvidence,
-    SymbolCoder,
-    T,
     WeightEvidence,
 )
 from dfcgs_codec.encoder.column_evidence import ColumnEvidence, ResidualsInSteps
@@ -33,21 +31,12 @@ from dfcgs_codec.encoder.estimation import (
 from dfcgs_codec.entropy.coder import Model, RangeWriter, uniform
 from dfcgs_codec.entropy.tables import SPLIT_ALPHAS
 
-#: a stream takes the prior, which costs time to decode, where it has less than this share of the bytes
-_PRIOR_WORTH = 0.98
-
-
-def _weight(writer: SymbolWriter, *, with_prior: bool) -> float:
-    """Bytes, time to decode considered."""
-    return len(writer.getvalue()) * (1.0 if with_prior else _PRIOR_WORTH)
-
 
 class SymbolWriter(RangeWriter):
-    """Writes symbols and how they are coded; `preferred`: the way of `either`, None to try both."""
+    """Writes symbols and how they are coded."""
 
-    def __init__(self, preferred: bool | None = None) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.preferred = preferred
         self._before = ResidualsInSteps()
 
     def center(self, evidence: Callable[[], Int64]) -> int:
@@ -74,17 +63,6 @@ class SymbolWriter(RangeWriter):
     def choice(self, size: int, evidence: Callable[[], int]) -> int:
         """See SymbolCoder."""
         return int(self.code(np.array([evidence()], np.int64), uniform(size), 1)[0])
-
-    def either(self, walk: Callable[[SymbolCoder, bool], T]) -> T:
-        """See SymbolCoder: what takes fewer bytes, or what was `preferred`; nothing may be coded before."""
-        trials = []
-        for with_prior in (True, False) if self.preferred is None else (self.preferred,):
-            trial = SymbolWriter()
-            trial.choice(2, lambda chosen=with_prior: int(chosen))  # type: ignore[misc]
-            trials.append((trial, walk(trial, with_prior), with_prior))
-        best, result, self.preferred = min(trials, key=lambda found: _weight(found[0], with_prior=found[2]))
-        self._encoder = best._encoder
-        return result
 
     def predictor(self, num_before: int, evidence: Callable[[], ColumnFacts]) -> tuple[int, Int64, Int64]:
         """See SymbolCoder: the median, and least squares of values, then of the residuals' magnitudes."""

@@ -14,17 +14,11 @@ from dfcgs_codec.bitstream.constants import (
     MAX_NEIGHBOURS,
     MIN_LATENT_STEP_LOG2,
     Attribute,
-    Compensation,
-    ControlRule,
     IntraKind,
 )
 from dfcgs_codec.encoder.option_fields import Choice, OptionField, Real, Switch, Text, Whole
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.encoder.rate_control import REFERENCE_STEPS
 from dfcgs_codec.errors import InputError
-
-#: how Python calls the rules that carry Gaussians along
-COMPENSATIONS = {"main": Compensation.GATHER, "paper": Compensation.SPREAD}
 
 
 class MotionMode(Enum):
@@ -34,8 +28,6 @@ class MotionMode(Enum):
     AUTO = "auto"
     #: residual alone
     OFF = "off"
-    #: motion in every frame that changes, whether it pays or not, and residual
-    ON = "on"
     #: motion alone, no residual: drifts away from the input
     ONLY = "only"
 
@@ -110,22 +102,13 @@ class EncoderTuning:
 
     motion: Choice[MotionMode] = Choice(MotionMode.AUTO)
     """"auto": control points carry Gaussians along where that pays; "off": nowhere, +33 % of files; "only":
-    everywhere, and no residual, which drifts away from the input; "on": in every frame that changes."""
+    everywhere, and no residual, which drifts away from the input."""
 
     turns: Switch = Switch(True)
     """Control points turn what they carry. False, they only shift it: +10 %."""
 
-    compensation: Choice[Compensation] = Choice(Compensation.GATHER, COMPENSATIONS)
-    """"paper": control points spread their own motion over the nearest Gaussians, as in D-FCGS: +35 %."""
-
-    control_rule: Choice[ControlRule] = Choice(ControlRule.FARTHEST)
-    """How control points are chosen. "stride", every n-th Gaussian: +0.6 %, and quicker."""
-
     control_spacing: Whole = Whole(70)
     """Gaussians to one control point (M of the paper)."""
-
-    prior: Choice[PriorMode] = Choice(PriorMode.AUTO)
-    """Which streams of P-frames are coded with the frozen networks. "plain", none: +1.8 %, decodes faster."""
 
     model_id: Text = Text(None)
     """Id of a model other than the profile's own; it must be installed or registered."""

@@ -1,6 +1,6 @@
 """Which Gaussians of a GoF are control points, and who follows them (spec sections 14.1, 14.2).
 
-Both rules order the control points coarse to fine, so that any prefix of them is a set of its own.
+Control points come coarse to fine.
 """
 
 from __future__ import annotations
@@ -34,19 +34,6 @@ def control_cells(positions: Int64, center: Int64, shift: int) -> Int64:
     """Cells (N, 3) that control points are chosen on: `positions` about `center`, clipped."""
     cells: Int64 = np.clip((positions - center) >> shift, -CELL_LIMIT, CELL_LIMIT)
     return cells
-
-
-def stride_points(num_gaussians: int, count: int) -> Int64:
-    """`count` Gaussians at even distances along the Morton order, coarse to fine, without repetition.
-
-    Point k lies at the bit-reversed fraction of k, so that every prefix is spread over the whole order.
-    """
-    bits = (num_gaussians - 1).bit_length()
-    numbers = np.arange(1 << bits, dtype=np.int64)
-    places = np.zeros_like(numbers)
-    for bit in range(bits):
-        places |= (numbers >> bit & 1) << (bits - 1 - bit)
-    return places[places < num_gaussians][:count]
 
 
 def _outside(low: Int64, high: Int64, point: list[int]) -> Int64:
@@ -105,12 +92,6 @@ def _squared_to(columns: Int64, point: list[int]) -> Int64:
     columns[0] += columns[2]
     squared: Int64 = columns[0]
     return squared
-
-
-def distinct_points(cells: Int64, points: Int64) -> Int64:
-    """`points` without those whose cell an earlier one has."""
-    _, first = np.unique(cells[points], axis=0, return_index=True)
-    return points[np.sort(first)]
 
 
 def _squared(cells: Int64, control: Int64, ranks: Int64) -> Int64:

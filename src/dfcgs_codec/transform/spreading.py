@@ -1,4 +1,4 @@
-"""Over which Gaussians the motion of a control point is spread, as the paper does it (spec section 14.7)."""
+"""Over which Gaussians the motion of a control point is spread, as the paper does it (spec section 16.6)."""
 
 from __future__ import annotations
 
@@ -48,19 +48,11 @@ def decayed(distance: Int64) -> Int64:
     return result
 
 
-def rows_of(origins: Int64, count: int) -> Int64:
-    """Row of each of `count` Gaussians, -1 none; `origins` (N,): which of them a row is, -1 none."""
-    rows = np.full(count, -1, np.int64)
-    there = np.flatnonzero(origins >= 0)
-    rows[origins[there]] = there
-    return rows
-
-
 @dataclass(frozen=True)
 class Spreading:
     """For each of n control points its K nearest Gaussians, the nearest first, and weights that sum to 2**16.
 
-    Both int64 (n, K); a Gaussian of -1 is one that is not there any more.
+    Both int64 (n, K).
     """
 
     gaussians: Int64
@@ -68,10 +60,9 @@ class Spreading:
 
     def received(self, motions: Int64, count: int) -> Int64:
         """What `count` Gaussians receive (count, C) of the control points' `motions` (n, C), rounded."""
-        there = self.gaussians >= 0
         shares = self.weights[:, :, None] * motions[:, None, :]
         total = np.zeros((count, motions.shape[1]), np.int64)
-        np.add.at(total, self.gaussians[there], shares[there])
+        np.add.at(total, self.gaussians, shares)
         return (total + (1 << (SPREAD_WEIGHT_BITS - 1))) >> SPREAD_WEIGHT_BITS
 
 
@@ -153,27 +144,3 @@ def _nearest_of(candidates: Int64, ranks: Int64, search: tuple[Int64, Int64, int
     starts = np.searchsorted(ranks, np.arange(len(control)))
     chosen: Int64 = by_distance[starts[:, None] + np.arange(count)]
     return candidates[chosen], squared[chosen]
-
-
-class SpreadingSource:
-    """The spreading of a GoF, found when first asked for, and again where a frame wants another.
-
-    `cells` (N, 3) are those of the I-frame, `points` (n,) its control points.
-    """
-
-    def __init__(self, cells: Int64, points: Int64) -> None:
-        self._cells, self._points = cells, points
-        self._found: tuple[tuple[int, int], Spreading] | None = None
-
-    @property
-    def num_gaussians(self) -> int:
-        """N of the I-frame."""
-        return len(self._cells)
-
-    def of(self, num_neighbours: int, decay_exponent: int, origins: Int64) -> Spreading:
-        """Over rows of a frame; `origins` (N,): which Gaussian of the I-frame a row is, -1 none."""
-        asked = num_neighbours, decay_exponent
-        if self._found is None or self._found[0] != asked:
-            self._found = asked, spread_from(self._cells, self._points, *asked)
-        found = self._found[1]
-        return Spreading(rows_of(origins, self.num_gaussians)[found.gaussians], found.weights)

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
     LEVELS,
-    MAX_BLOCK_LOG2,
     MAX_COARSE_LOG2,
     MAX_CONTROL_SHIFT,
     MAX_DECAY_EXPONENT,
@@ -25,17 +24,13 @@ from dfcgs_codec.bitstream.constants import (
     MAX_OPACITY_EXPONENT,
     MAX_SORT_BITS,
     MAX_SORT_SHIFT,
-    MAX_TEMPORAL_WEIGHT,
     MAX_THIN_EXPONENT,
     MAX_THIN_OCTAVES,
-    MIN_BLOCK_LOG2,
     MIN_LATENT_STEP_LOG2,
     PROFILE_TOOLS,
-    ROTATION_FRACTION_BITS,
     STATE_LIMIT,
     STEREO_FRACTION_BITS,
     Attribute,
-    ControlRule,
     IntraKind,
     OutputOrder,
     Profile,
@@ -91,12 +86,7 @@ EXPONENTS = st.builds(UnitExponents, WIDE, WIDE, st.integers(-60, MAX_OPACITY_EX
 NETWORK_EXPONENTS = st.builds(
     UnitExponents, WIDE, st.integers(-60, 23), st.integers(-60, MAX_OPACITY_EXPONENT), st.integers(-40, 21)
 )
-MODELS = st.one_of(
-    st.just(("", b"")),
-    st.tuples(
-        st.text(st.characters(codec="ascii"), min_size=1, max_size=64), st.binary(min_size=8, max_size=8)
-    ),
-)
+MODELS = st.tuples(st.text(st.characters(codec="ascii"), max_size=64), st.binary(min_size=8, max_size=8))
 
 
 @st.composite
@@ -134,14 +124,11 @@ SORT_GRIDS = st.builds(
 
 CONTROLS = st.builds(
     ControlHeader,
-    st.sampled_from(ControlRule),
     st.integers(1, STATE_LIMIT),
     st.integers(0, MAX_CONTROL_SHIFT),
 )
 MOTION_HEADERS = st.builds(
     MotionHeader,
-    st.integers(0, 50),
-    st.integers(0, MAX_TEMPORAL_WEIGHT),
     st.integers(1, STATE_LIMIT),
     st.integers(0, 1 << STEREO_FRACTION_BITS),
 )
@@ -152,14 +139,6 @@ LATENT_HEADERS = st.builds(
     LatentHeader,
     st.integers(0, 2**40),
     st.integers(MIN_LATENT_STEP_LOG2, MAX_LATENT_STEP_LOG2),
-    SPREAD_HEADERS,
-)
-SPREAD_MOTION_HEADERS = st.builds(
-    MotionHeader,
-    st.integers(0, 50),
-    st.just(0),
-    st.integers(1, STATE_LIMIT),
-    st.integers(0, 1 << ROTATION_FRACTION_BITS),
     SPREAD_HEADERS,
 )
 
@@ -188,17 +167,15 @@ def inter_headers(draw: st.DrawFn) -> InterHeader:
     present = draw(st.sets(st.sampled_from(coded_attributes(SMALL.sh_degree))))
     choice = st.sets(st.sampled_from(sorted(PROFILE_TOOLS[Profile.MAIN])))
     tools = frozenset(draw(choice)) - (frozenset() if present else {Tool.VISIBILITY})
-    block_log2 = draw(st.integers(MIN_BLOCK_LOG2, MAX_BLOCK_LOG2)) if present or tools else 0
     levels = sorted(present) if Tool.VISIBILITY in tools else []
     visibility = {a: draw(st.integers(-STATE_LIMIT, STATE_LIMIT)) for a in levels}
-    return InterHeader(draw(HASHES), tools, block_log2, {a: draw(STEPS) for a in sorted(present)}, visibility)
+    return InterHeader(draw(HASHES), tools, {a: draw(STEPS) for a in sorted(present)}, visibility)
 
 
 PAPER_INTER_HEADERS = st.builds(
     InterHeader,
     HASHES,
     st.frozensets(st.sampled_from(sorted(PROFILE_TOOLS[Profile.PAPER]))),
-    st.just(0),
     st.just({}),
 )
 
@@ -224,7 +201,7 @@ STRUCTURES: dict[str, tuple[st.SearchStrategy[Any], Callable[[ByteReader, Any], 
     "PaperInterHeader": (PAPER_INTER_HEADERS, lambda r, _: InterHeader.read(r, PAPER)),
     "LatentHeader": (LATENT_HEADERS, lambda r, _: LatentHeader.read(r)),
     "SpreadHeader": (SPREAD_HEADERS, lambda r, _: SpreadHeader.read(r)),
-    "MotionHeader": (st.one_of(MOTION_HEADERS, SPREAD_MOTION_HEADERS), lambda r, _: MotionHeader.read(r, 50)),
+    "MotionHeader": (MOTION_HEADERS, lambda r, _: MotionHeader.read(r)),
     "Index": (indices(), lambda r, _: Index.read(r, SMALL)),
     "End": (st.builds(End, LENGTHS), lambda r, _: End.read(r)),
 }
@@ -335,7 +312,7 @@ def test_an_opacity_unit_that_does_not_divide_the_knots_is_refused() -> None:
 
 
 def test_model_id_must_be_ascii_and_short() -> None:
-    without = write(SMALL)[:-1]
+    without = write(SMALL)[:-9]
     with pytest.raises(CorruptBitstream, match="ASCII"):
         SequenceHeader.read(ByteReader(without + b"\x01\xff" + bytes(8)))
     with pytest.raises(LimitExceeded, match="model_id length"):
@@ -376,7 +353,7 @@ def intra_header(**changes: Any) -> IntraHeader:
         "kind": IntraKind.CODED,
         "num_gaussians": 10,
         "has_permutation": False,
-        "control": ControlHeader(ControlRule.FARTHEST, 70, 6),
+        "control": ControlHeader(70, 6),
         "sort_grid": SortGrid(0, 3, (0, 0, 0), False),
         "steps": INTRA,
         "lengths": (0,) * 9,
@@ -396,9 +373,8 @@ def intra_header(**changes: Any) -> IntraHeader:
         ),
         ({"kind": 7}, UnsupportedBitstream, "intra_kind"),
         ({"has_permutation": 2}, LimitExceeded, "has_permutation"),
-        ({"control": ControlHeader(ControlRule.STRIDE, 0, 6)}, CorruptBitstream, "control_spacing is 0"),
-        ({"control": ControlHeader(ControlRule.STRIDE, 9, 32)}, LimitExceeded, "control_shift"),
-        ({"control": ControlHeader(2, 9, 6)}, UnsupportedBitstream, "control_rule"),
+        ({"control": ControlHeader(0, 6)}, CorruptBitstream, "control_spacing is 0"),
+        ({"control": ControlHeader(9, 32)}, LimitExceeded, "control_shift"),
         (
             {"steps": replace(INTRA, thin_octaves=MAX_THIN_OCTAVES + 1)},
             LimitExceeded,
@@ -452,15 +428,9 @@ def test_inter_header_refuses_visibility_without_attributes() -> None:
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_inter_header_refuses_levels_beyond_the_state(sign: int) -> None:
     levels = {Attribute.SCALE: sign * (STATE_LIMIT + 1)}
-    header = InterHeader(bytes(16), frozenset({Tool.VISIBILITY}), 6, {Attribute.SCALE: 5}, levels)
+    header = InterHeader(bytes(16), frozenset({Tool.VISIBILITY}), {Attribute.SCALE: 5}, levels)
     with pytest.raises(LimitExceeded, match="visibility_level"):
         InterHeader.read(ByteReader(write(header)), SMALL)
-
-
-@pytest.mark.parametrize("block_log2", [MIN_BLOCK_LOG2 - 1, MAX_BLOCK_LOG2 + 1])
-def test_inter_header_refuses_block_sizes(block_log2: int) -> None:
-    with pytest.raises(LimitExceeded, match="block_log2"):
-        InterHeader.read(ByteReader(bytes(16) + bytes((0, 1, block_log2, 5))), SMALL)
 
 
 @pytest.mark.parametrize(
@@ -518,38 +488,36 @@ def test_inter_header_refuses_unknown_tools() -> None:
 
 
 def test_a_frame_that_repeats_its_reference_takes_18_bytes() -> None:
-    assert len(write(InterHeader(bytes(16), frozenset(), 0, {}))) == 18
+    assert len(write(InterHeader(bytes(16), frozenset(), {}))) == 18
 
 
 # --- MotionHeader -------------------------------------------------------------------------------------
 
 
-def spread_header(num_neighbours: int, decay_exponent: int, turn_step: int = 1) -> MotionHeader:
-    return MotionHeader(5, 0, 4, turn_step, SpreadHeader(num_neighbours, decay_exponent))
-
-
 @pytest.mark.parametrize(
     ("header", "error", "words"),
     [
-        (MotionHeader(11, 0, 4, 2), LimitExceeded, "num_coded"),
-        (MotionHeader(5, MAX_TEMPORAL_WEIGHT + 1, 4, 2), LimitExceeded, "temporal_weight"),
-        (MotionHeader(5, 0, 0, 2), CorruptBitstream, "translation_step is 0"),
-        (MotionHeader(5, 0, STATE_LIMIT + 1, 2), LimitExceeded, "translation_step"),
-        (MotionHeader(5, 0, 4, (1 << STEREO_FRACTION_BITS) + 1), LimitExceeded, "turn_step"),
-        (spread_header(30, 0, (1 << ROTATION_FRACTION_BITS) + 1), LimitExceeded, "turn_step"),
-        (spread_header(MAX_NEIGHBOURS + 1, 0), LimitExceeded, "num_neighbours"),
-        (spread_header(0, 0), CorruptBitstream, "num_neighbours is 0"),
-        (spread_header(30, -MAX_DECAY_EXPONENT - 1), LimitExceeded, "decay_exponent"),
+        (MotionHeader(0, 2), CorruptBitstream, "translation_step is 0"),
+        (MotionHeader(STATE_LIMIT + 1, 2), LimitExceeded, "translation_step"),
+        (MotionHeader(4, (1 << STEREO_FRACTION_BITS) + 1), LimitExceeded, "turn_step"),
     ],
 )
 def test_motion_header_refuses(header: MotionHeader, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
-        MotionHeader.read(ByteReader(write(header)), 10)
+        MotionHeader.read(ByteReader(write(header)))
 
 
-def test_an_unknown_compensation_is_not_guessed() -> None:
-    with pytest.raises(UnsupportedBitstream, match="compensation 2"):
-        MotionHeader.read(ByteReader(b"\x02" + write(MotionHeader(5, 0, 4, 2))[1:]), 10)
+@pytest.mark.parametrize(
+    ("spread", "error", "words"),
+    [
+        (SpreadHeader(MAX_NEIGHBOURS + 1, 0), LimitExceeded, "num_neighbours"),
+        (SpreadHeader(0, 0), CorruptBitstream, "num_neighbours is 0"),
+        (SpreadHeader(30, -MAX_DECAY_EXPONENT - 1), LimitExceeded, "decay_exponent"),
+    ],
+)
+def test_spread_header_refuses(spread: SpreadHeader, error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        LatentHeader.read(ByteReader(write(LatentHeader(5, 0, spread))))
 
 
 # --- Index --------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dfcgs_codec.codec.binding import BLEND, Binding, blend, efforts_of
+from dfcgs_codec.encoder.motion_estimation import chosen_moves
 from dfcgs_codec.transform.control_points import Gathering
 from dfcgs_codec.transform.rigid import RigidMotion
 
@@ -79,13 +80,13 @@ def test_moves_of_the_choice_alone_are_those_among_all() -> None:
     binding, motion, positions = four_apart(20_000)
     learnt = replace(binding, choice=np.random.default_rng(2).integers(0, 5, 20_000))
     moves = binding.moves(motion, positions)
-    assert np.array_equal(learnt.chosen_moves(motion, positions), learnt.chosen(moves))
+    assert np.array_equal(chosen_moves(learnt, motion, positions), learnt.chosen(moves))
     every_third = np.arange(0, 20_000, 3)
     assert np.array_equal(
         binding.of_rows(every_third).moves(motion, positions[:, every_third]), moves[:, :, every_third]
     )
     nobody = binding.of_rows(every_third[:0])
-    assert nobody.chosen_moves(motion, positions[:, :0]).shape == (3, 0)
+    assert chosen_moves(nobody, motion, positions[:, :0]).shape == (3, 0)
 
 
 def test_long_arrays_are_as_their_rows() -> None:

@@ -184,7 +184,7 @@ def test_models_that_are_not_there_are_named(chunks: list[Chunk]) -> None:
     payload = bytearray(chunks[0].payload[: -len(named)] + b"\0")
     payload[1] = 1
     with pytest.raises(ModelMismatch, match="''"):
-        decode(with_payload(chunks, 0, bytes(payload)))
+        decode(with_payload(chunks, 0, bytes(payload) + bytes(8)))
     with pytest.raises(ModelMismatch, match="future"):
         decode(with_payload(chunks, 0, bytes(payload[:-1]) + b"\x06future" + bytes(8)))
     main = bytes(payload[:1]) + b"\0" + bytes(payload[2:-1])

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.codec.activity import (
+    BLOCK_LOG2,
     DENSE,
     NUM_MAGNITUDES,
     AttributeActivity,
@@ -16,19 +17,22 @@ from dfcgs_codec.codec.activity import (
     num_inter_columns,
     row_sums,
 )
-from dfcgs_codec.codec.inter import InterShape, code_inter
+from dfcgs_codec.codec.inter import InterShape, Prior, code_inter
+from dfcgs_codec.codec.residual_context import gaussian_inputs
 from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.encoder.analysis import classify_blocks
+from dfcgs_codec.encoder.block_classes import classify_blocks
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
 from dfcgs_codec.transform.lod import GofLevels
 from tests.helpers import make_cloud
 
 ATTRIBUTES = [Attribute.POSITION, Attribute.ROTATION, Attribute.OPACITY, Attribute.SH_1]
 
 
-def shape_of(count: int, block_log2: int, attributes: list[Attribute]) -> InterShape:
+def shape_of(count: int, attributes: list[Attribute]) -> InterShape:
     positions = np.rint(make_cloud(count).positions * 1000).astype(np.int64)
-    return InterShape(attributes, count, block_log2, GofLevels(positions))
+    prior = Prior(context_model(DEFAULT_PRIOR), gaussian_inputs(None, None, count), {})
+    return InterShape(attributes, count, GofLevels(positions), prior)
 
 
 def random_symbols(shape: InterShape, share: float, size: float, seed: int = 0) -> InterSymbols:
@@ -40,7 +44,7 @@ def random_symbols(shape: InterShape, share: float, size: float, seed: int = 0) 
         symbols = np.rint(rng.normal(size=like) * size).astype(np.int64)
         symbols[rng.random(shape.num_gaussians) >= share] = 0
         symbols[rng.integers(shape.num_gaussians), 0] = 1
-        activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols, shape.block_log2))
+        activity[attribute] = AttributeActivity(symbols, *classify_blocks(symbols))
     return InterSymbols(activity)
 
 
@@ -78,7 +82,7 @@ def check(symbols: InterSymbols, history: InterSymbols, shape: InterShape) -> in
 @pytest.mark.parametrize("count", [1, 2, 33, 64, 65, 700])
 @pytest.mark.parametrize("share", [0.03, 0.3, 0.9, 1.0])
 def test_round_trip(count: int, share: float) -> None:
-    shape = shape_of(count, 6, ATTRIBUTES)
+    shape = shape_of(count, ATTRIBUTES)
     before, now = random_symbols(shape, share, 3, 1), random_symbols(shape, share, 5, 2)
     check(now, InterSymbols(), shape)
     check(now, before, shape)
@@ -87,45 +91,45 @@ def test_round_trip(count: int, share: float) -> None:
 @settings(max_examples=25)
 @given(st.data())
 def test_any_frame(data: st.DataObject) -> None:
-    count, block_log2 = data.draw(st.integers(1, 80)), data.draw(st.integers(3, 12))
+    count = data.draw(st.integers(1, 200))
     attributes = sorted(data.draw(st.sets(st.sampled_from(list(Attribute)), min_size=1)))
     share, size = data.draw(st.floats(0, 1)), data.draw(st.sampled_from([0.4, 2, 1e3, 1e7]))
-    shape = shape_of(count, block_log2, attributes)
-    before = random_symbols(shape_of(count, block_log2, ATTRIBUTES), 1 - share, size, 3)
+    shape = shape_of(count, attributes)
+    before = random_symbols(shape_of(count, ATTRIBUTES), 1 - share, size, 3)
     check(random_symbols(shape, share, size, 4), before, shape)
 
 
 def test_a_single_symbol_costs_little() -> None:
-    shape = shape_of(5000, 6, [Attribute.POSITION])
+    shape = shape_of(5000, [Attribute.POSITION])
     assert check(random_symbols(shape, 0, 1), InterSymbols(), shape) <= 60
 
 
 def test_what_stands_still_is_not_paid_for() -> None:
-    shape = shape_of(6400, 6, [Attribute.POSITION])
+    shape = shape_of(6400, [Attribute.POSITION])
     moving = random_symbols(shape, 1.0, 5)
     part = moving.activity[Attribute.POSITION].symbols.copy()
     part[640:] = 0
-    few = InterSymbols({Attribute.POSITION: AttributeActivity(part, *classify_blocks(part, 6))})
+    few = InterSymbols({Attribute.POSITION: AttributeActivity(part, *classify_blocks(part))})
     assert check(few, InterSymbols(), shape) < 0.12 * check(moving, InterSymbols(), shape)
 
 
 def test_the_previous_frame_helps() -> None:
-    shape = shape_of(3000, 6, [Attribute.POSITION])
+    shape = shape_of(3000, [Attribute.POSITION])
     before = random_symbols(shape, 1.0, 20)
     symbols = before.activity[Attribute.POSITION].symbols + 1
-    now = InterSymbols({Attribute.POSITION: AttributeActivity(symbols, *classify_blocks(symbols, 6))})
-    assert check(now, before, shape) < 0.2 * check(now, InterSymbols(), shape)
+    now = InterSymbols({Attribute.POSITION: AttributeActivity(symbols, *classify_blocks(symbols))})
+    assert check(now, before, shape) < check(now, InterSymbols(), shape)
 
 
-@given(st.integers(1, 300), st.integers(3, 6), st.floats(0, 1), st.integers(0, 99))
-def test_block_classes(count: int, block_log2: int, share: float, seed: int) -> None:
+@given(st.integers(1, 300), st.floats(0, 1), st.integers(0, 99))
+def test_block_classes(count: int, share: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     symbols = rng.integers(-3, 4, (count, 3)) * (rng.random((count, 1)) < share)
-    density, magnitude = classify_blocks(symbols, block_log2)
-    assert len(density) == len(magnitude) == num_blocks(count, block_log2)
+    density, magnitude = classify_blocks(symbols)
+    assert len(density) == len(magnitude) == num_blocks(count)
     significant = symbols.any(axis=1)
     for block in range(len(density)):
-        rows = significant[block << block_log2 : (block + 1) << block_log2]
+        rows = significant[block << BLOCK_LOG2 : (block + 1) << BLOCK_LOG2]
         # a block without symbols may be dense where nearly everything is, never the other way round
         assert rows.any() <= (density[block] > 0)
         assert rows.all() <= (density[block] == DENSE)
@@ -134,7 +138,7 @@ def test_block_classes(count: int, block_log2: int, share: float, seed: int) -> 
 
 
 def test_activity_of_nothing() -> None:
-    none = AttributeActivity.none(5, 3, 2)
+    none = AttributeActivity.none(100, 3)
     assert not none.symbols.any()
     assert not none.significant().any()
     assert none.density.shape == (2,)

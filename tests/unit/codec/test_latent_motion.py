@@ -5,17 +5,25 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dfcgs_codec.bitstream.constants import Attribute, ControlRule
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import LatentHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.dpb import FrameState
+from dfcgs_codec.codec.compensation import ControlSource
+from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.latent_motion import LatentReference, appearance_of, code_hyper, code_latents
+from dfcgs_codec.codec.latent_motion import (
+    LatentReference,
+    appearance_of,
+    code_hyper,
+    code_latents,
+    spread_over,
+)
 from dfcgs_codec.codec.symbol_reader import SymbolReader
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.model.latent_model import LatentModel, latents_of
+from dfcgs_codec.transform.rotation import ONE, from_float, normalise
 from tests.helpers import make_cloud
 from tests.latent_models import random_model
 
@@ -25,7 +33,7 @@ STEPS = dict.fromkeys(Attribute, 16)
 
 def state(count: int = 600, sh_degree: int = 2) -> GofState:
     planes = state_of(make_cloud(count, sh_degree, 3), UNITS).planes
-    setup = GofSetup(ControlHeader(ControlRule.FARTHEST, 10, 3), UNITS)
+    setup = GofSetup(ControlHeader(10, 3), UNITS)
     return GofState.of_intra(FrameState(planes), setup, STEPS)
 
 
@@ -98,7 +106,7 @@ def test_motion_follows_the_size_of_the_scene() -> None:
     small = state()
     planes = dict(small.frame.planes)
     planes[Attribute.POSITION] = type(planes[Attribute.POSITION])(planes[Attribute.POSITION].wide() * 2)
-    setup = GofSetup(ControlHeader(ControlRule.FARTHEST, 10, 4), UNITS)
+    setup = GofSetup(ControlHeader(10, 4), UNITS)
     large = GofState.of_intra(FrameState(planes), setup, STEPS)
     latents = np.random.default_rng(1).integers(-3000, 3000, (60, 16))
     went = []
@@ -135,3 +143,68 @@ def test_refinement_changes_colours_above_degree_0_only(sh_degree: int) -> None:
 def test_the_prior_of_some_is_that_of_all() -> None:
     ref = reference()
     np.testing.assert_array_equal(ref.prior(ref.rows), ref.prior()[ref.rows])
+
+
+# --- spreading ------------------------------------------------------------------------------------------
+
+
+def _scene(count: int) -> FrameState:
+    cloud = make_cloud(count, 0, 0)
+    positions = np.rint(cloud.positions * 5000).astype(np.int64)
+    planes = {Attribute.POSITION: positions, Attribute.ROTATION: from_float(cloud.rotations)}
+    return FrameState({attribute: Plane(values) for attribute, values in planes.items()})
+
+
+def _source(frame: FrameState, spacing: int, shift: int = 2) -> ControlSource:
+    return ControlSource(frame.planes[Attribute.POSITION], ControlHeader(spacing, shift))
+
+
+def test_no_motion_changes_no_bit() -> None:
+    frame = _scene(400)
+    moved = spread_over(
+        np.zeros((20, 7), np.int64), _source(frame, 20).spreading(SpreadHeader(30, -4)), frame
+    )
+    assert moved.hash() == frame.hash()
+    assert moved.planes[Attribute.ROTATION] is frame.planes[Attribute.ROTATION]
+
+
+def test_motion_is_spread_as_the_paper_has_it() -> None:
+    frame = _scene(400)
+    source = _source(frame, 20)
+    cells, points = source.points()
+    motions = np.random.default_rng(1).integers(-4000, 4000, (len(points), 7))
+    motions[:, 3:] *= 1000
+    moved = spread_over(motions, source.spreading(SpreadHeader(30, -4)), frame)
+    total = np.zeros((400, 7))
+    for point, motion in zip(points, motions, strict=True):
+        apart = np.linalg.norm((cells - cells[point]).astype(float), axis=1)
+        nearest = np.lexsort((np.arange(400), apart))[:30]
+        share = np.exp(-apart[nearest] / 16)
+        total[nearest] += np.outer(share / share.sum(), motion)
+    went = moved.planes[Attribute.POSITION].wide() - frame.planes[Attribute.POSITION].wide()
+    assert np.abs(went - total[:, :3]).max() < 0.02 * 4000
+    turned = frame.planes[Attribute.ROTATION].wide() + total[:, 3:]
+    turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+    assert np.abs(moved.planes[Attribute.ROTATION].wide() / ONE - turned).max() < 0.01
+
+
+def test_the_largest_motions_stay_on_the_grid() -> None:
+    positions = np.zeros((40, 3), np.int64)
+    positions[:, 0] = STATE_LIMIT - np.arange(40)
+    rotations = np.tile([ONE, 0, 0, 0], (40, 1))
+    frame = FrameState({Attribute.POSITION: Plane(positions), Attribute.ROTATION: Plane(rotations)})
+    spreading = _source(frame, 1, 0).spreading(SpreadHeader(1, 0))
+    most = 2 * STATE_LIMIT
+    moved = spread_over(np.tile([most, -most, most, -most, most, -most, most], (40, 1)), spreading, frame)
+    assert (moved.planes[Attribute.POSITION].values == [STATE_LIMIT, -STATE_LIMIT, STATE_LIMIT]).all()
+    # w is gone, all else is as large as it gets
+    found = moved.planes[Attribute.ROTATION].wide()
+    assert (found == normalise(np.array([[0, ONE, -ONE, ONE]]))).all()
+
+
+def test_a_rotation_that_would_vanish_stays() -> None:
+    frame = _scene(50)
+    source = _source(frame, 1, 0)
+    gone = -frame.planes[Attribute.ROTATION].wide()[source.points()[1]]
+    motions = np.concatenate([np.zeros((len(gone), 3), np.int64), gone], axis=1)
+    assert spread_over(motions, source.spreading(SpreadHeader(1, 0)), frame).hash() == frame.hash()

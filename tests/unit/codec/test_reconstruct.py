@@ -9,7 +9,7 @@ from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder.analysis import classify_blocks
+from dfcgs_codec.encoder.block_classes import classify_blocks
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.rotation import ONE
 from tests.helpers import make_cloud
@@ -18,7 +18,7 @@ UNITS = UnitExponents(-12, -12, -12, -12)
 
 
 def activity(symbols: np.ndarray) -> AttributeActivity:
-    return AttributeActivity(symbols, *classify_blocks(symbols, 6))
+    return AttributeActivity(symbols, *classify_blocks(symbols))
 
 
 def reference(count: int = 30) -> FrameState:

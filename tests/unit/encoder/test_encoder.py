@@ -8,12 +8,10 @@ import pytest
 from dfcgs_codec import EncoderOptions, encode_sequence
 from dfcgs_codec.bitstream.constants import OutputOrder
 from dfcgs_codec.encoder.planning import plan_sequence
-from dfcgs_codec.encoder.prior_choice import PriorMode
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.model.registry import DEFAULT_PRIOR
 from dfcgs_codec.ply import PlyHeader
 from dfcgs_codec.sequence import MemorySource
-from lab.options import encoder_options
 from tests.helpers import make_cloud, still
 
 
@@ -54,11 +52,6 @@ def test_the_header_says_what_was_asked_for() -> None:
     assert header.output_order == OutputOrder.INPUT
     assert header.frame_numbers.expand() == [7, 8, 11]
     assert header.model_id == DEFAULT_PRIOR
-
-
-def test_without_a_prior_the_header_names_no_model() -> None:
-    header = plan_sequence(FakeSource([4, 4]), encoder_options(prior=PriorMode.PLAIN)).header
-    assert (header.model_id, header.model_hash) == ("", b"")
 
 
 def test_no_frames_are_refused(tmp_path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, InputError, encode_sequence, probe
-from dfcgs_codec.bitstream.constants import Attribute, Compensation, IntraKind, Profile
+from dfcgs_codec.bitstream.constants import Attribute, IntraKind, Profile
 from dfcgs_codec.codec.decoder import SequenceDecoder
 from dfcgs_codec.codec.dpb import FrameState, Plane
 from dfcgs_codec.codec.latent_motion import LatentReference
@@ -166,7 +166,7 @@ def test_other_steps_are_refused(step: float) -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"motion": MotionMode.OFF}, {"compensation": Compensation.SPREAD}, {"visibility": False}],
+    [{"motion": MotionMode.OFF}, {"visibility": False}],
 )
 def test_options_of_the_other_profile_are_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(InputError, match="for --profile main alone"):

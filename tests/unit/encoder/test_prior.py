@@ -1,4 +1,4 @@
-"""Streams of P-frames with the frozen prior: the same state, fewer bytes, whoever decodes them."""
+"""P-frames with the frozen prior, whatever its weights: the same state, whoever decodes them."""
 
 from __future__ import annotations
 
@@ -10,17 +10,15 @@ import numpy as np
 import pytest
 
 from dfcgs_codec import GaussianCloud, decode_sequence, encode_sequence
-from dfcgs_codec.bitstream.constants import Attribute, Compensation, Profile
+from dfcgs_codec.bitstream.constants import Profile
 from dfcgs_codec.codec.activity import AttributeActivity
-from dfcgs_codec.encoder.prior_choice import PriorChoice, PriorMode
-from dfcgs_codec.encoder.tuning import MotionMode
-from dfcgs_codec.errors import InputError, ModelMismatch
+from dfcgs_codec.errors import ModelMismatch
 from dfcgs_codec.model import registry
 from lab.options import encoder_options
 from tests.context_models import random_prior
-from tests.helpers import all_changing, drifting, make_cloud, real_cloud, same_cloud, succeeding, waving
+from tests.helpers import all_changing, drifting, make_cloud, real_cloud, succeeding, waving
 
-MOVING = {"motion": MotionMode.ON, "control_spacing": 15}
+MOVING = {"control_spacing": 15}
 
 
 @pytest.fixture(autouse=True)
@@ -43,10 +41,6 @@ def sequences() -> dict[str, tuple[list[GaussianCloud], dict]]:
         "births": (succeeding(small(400), 5), MOVING),
         "few": (all_changing(make_cloud(5), 3), {}),
         "many": (drifting(make_cloud(2500), 3), {"gof_size": 2}),
-        "spread": (
-            [waving(small(300), 0.1 * i) for i in range(3)],
-            {**MOVING, "compensation": Compensation.SPREAD},
-        ),
         "uniform": (all_changing(make_cloud(100, 1), 3), {"visibility": False}),
     }
 
@@ -61,30 +55,8 @@ def coded(frames: list[GaussianCloud], path: Path, **options: object) -> list[Ga
 @pytest.mark.parametrize("model", [None, "random-prior"])
 def test_any_prior_leads_to_what_the_encoder_had(name: str, model: str | None, tmp_path: Path) -> None:
     frames, options = sequences()[name]
-    for mode in (PriorMode.NETWORK, PriorMode.AUTO):
-        decoded = coded(frames, tmp_path / "a.dgs", prior=mode, model_id=model, **options)
-        assert [cloud.num_gaussians for cloud in decoded] == [cloud.num_gaussians for cloud in frames]
-
-
-def test_without_motion_it_changes_bytes_but_no_value(tmp_path: Path) -> None:
-    frames = drifting(real_cloud(300), 4)
-    with_prior = coded(frames, tmp_path / "a.dgs", prior=PriorMode.NETWORK, motion=MotionMode.OFF)
-    plain = coded(frames, tmp_path / "b.dgs", prior=PriorMode.PLAIN, motion=MotionMode.OFF)
-    assert all(same_cloud(a, b) for a, b in zip(with_prior, plain, strict=True))
-    assert (tmp_path / "a.dgs").read_bytes() != (tmp_path / "b.dgs").read_bytes()
-
-
-def test_auto_takes_what_is_smaller(tmp_path: Path) -> None:
-    frames = drifting(real_cloud(300), 3)
-    sizes = {}
-    for mode in PriorMode:
-        # a random prior is worse than none
-        path = tmp_path / f"{mode.value}.dgs"
-        coded(frames, path, prior=mode, model_id="random-prior", motion=MotionMode.OFF)
-        sizes[mode] = path.stat().st_size
-    assert sizes[PriorMode.NETWORK] > sizes[PriorMode.AUTO]
-    # the model's name, and a word to say it with in each stream
-    assert sizes[PriorMode.AUTO] <= sizes[PriorMode.PLAIN] + 120
+    decoded = coded(frames, tmp_path / "a.dgs", model_id=model, **options)
+    assert [cloud.num_gaussians for cloud in decoded] == [cloud.num_gaussians for cloud in frames]
 
 
 def test_bytes_do_not_depend_on_the_number_of_processes(tmp_path: Path) -> None:
@@ -99,26 +71,11 @@ def test_models_of_the_other_profile_are_refused(tmp_path: Path) -> None:
     for profile, model in ((Profile.MAIN, "paper-1"), (Profile.PAPER, "main-1")):
         with pytest.raises(ModelMismatch, match=f"not one of profile {profile.name.lower()}"):
             coded(frames, tmp_path / "a.dgs", profile=profile, model_id=model)
-    with pytest.raises(InputError, match=r"EncoderTuning\.prior: for --profile main alone"):
-        encoder_options(profile=Profile.PAPER, prior=PriorMode.PLAIN)
-
-
-def test_both_ways_are_tried_now_and_then() -> None:
-    choice = PriorChoice(PriorMode.AUTO)
-    tried = []
-    for frame in range(20):
-        preferred = choice.preferred(Attribute.POSITION)
-        tried.append(preferred is None)
-        choice.learn(Attribute.POSITION, frame != 0 if preferred is None else preferred)
-    # sooner where plain was smaller
-    assert [frame for frame in range(20) if tried[frame]] == [0, 4, 12]
-    assert PriorChoice(PriorMode.NETWORK).preferred(None) is True
-    assert PriorChoice(PriorMode.PLAIN).preferred(Attribute.SCALE) is False
 
 
 def test_memory_fades_by_a_quarter() -> None:
     rng = np.random.default_rng(0)
-    before = AttributeActivity.none(40, 3, 1)
+    before = AttributeActivity.none(40, 3)
     memory, running = [[0] * 3 for _ in range(40)], [0] * 40
     for _ in range(5):
         symbols = rng.integers(-9, 10, (40, 3))

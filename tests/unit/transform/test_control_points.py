@@ -8,11 +8,9 @@ from dfcgs_codec.transform.control_points import (
     GATHER_WEIGHT_BITS,
     NUM_GATHERED,
     control_cells,
-    distinct_points,
     farthest_points,
     gather_from,
     nearest,
-    stride_points,
 )
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
 
@@ -51,7 +49,6 @@ def test_every_prefix_is_a_set_of_its_own() -> None:
     many = farthest_points(cells, 100)
     for count in (1, 2, 17, 64):
         assert farthest_points(cells, count).tolist() == many[:count].tolist()
-        assert stride_points(1000, count).tolist() == stride_points(1000, 100)[:count].tolist()
 
 
 def test_farthest_points_end_where_all_are_reached() -> None:
@@ -60,25 +57,10 @@ def test_farthest_points_end_where_all_are_reached() -> None:
     assert farthest_points(np.zeros((200_000, 3), np.int64), 3000).tolist() == [0]
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 100, 128, 1000])
-def test_stride_points_are_distinct_and_spread(count: int) -> None:
-    everyone = stride_points(count, count)
-    assert sorted(everyone.tolist()) == list(range(count))
-    for part in (4, 16, 64):
-        if part < count:
-            gaps = np.diff(np.sort(np.append(everyone[:part], count)))
-            assert gaps.max() <= 2 * count // part + 2
-
-
-def test_distinct_points_keep_the_first_of_a_cell() -> None:
-    cells = np.array([[1, 1, 1], [0, 0, 0], [1, 1, 1], [2, 0, 0], [0, 0, 0]])
-    assert distinct_points(cells, np.array([2, 4, 0, 3, 1])).tolist() == [2, 4, 3]
-
-
 @pytest.mark.parametrize("count", [1, 2, 5])
 @pytest.mark.parametrize("cells", [random_cells(500), random_cells(300, 2, 4), lattice(7)])
 def test_nearest_breaks_ties_by_rank(cells: Int64, count: int) -> None:
-    control = cells[distinct_points(cells, stride_points(len(cells), len(cells) // 4))]
+    control = cells[farthest_points(cells, len(cells) // 4)]
     ranks, distances = nearest(cells, control, count)
     all_distances = squared(cells, control)
     expected = np.argsort(all_distances, axis=1, kind="stable")[:, :count]
