@@ -1,4 +1,4 @@
-"""What several tests share; the clouds and sequences of `lab.small_clouds` can be had from here, too."""
+"""What several tests share: encoding, decoding, tables of PLY files, comparisons, processes."""
 
 from __future__ import annotations
 
@@ -6,12 +6,8 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
-from dataclasses import fields as dataclass_fields
-from functools import cache
-from io import BytesIO
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -19,9 +15,9 @@ from plyfile import PlyData, PlyElement
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
-from dfcgs_codec.bitstream.constants import MAGIC, ChunkType
-from dfcgs_codec.bitstream.container import ContainerReader, write_chunk
+from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec.bitstream.constants import ChunkType
+from dfcgs_codec.bitstream.container import ContainerReader
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
 from dfcgs_codec.codec.decoder import DecodedFrame
 from dfcgs_codec.codec.symbol_reader import SymbolReader
@@ -29,29 +25,6 @@ from dfcgs_codec.codec.symbols import SymbolCoder
 from dfcgs_codec.encoder.report import EncodeReport
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.ply import property_names
-from lab.chunks import Chunk, join_chunks, split_chunks
-from lab.options import encoder_options
-from lab.small_clouds import (
-    ASSET,
-    FIELDS,
-    all_changing,
-    clustered_cloud,
-    coincident_cloud,
-    drifting,
-    joined,
-    make_cloud,
-    on_lattices,
-    real_cloud,
-    same_cloud,
-    shuffled,
-    still,
-    succeeding,
-    swaying,
-    travelling,
-    untracked,
-    waving,
-    with_outliers,
-)
 
 ROOT = Path(__file__).resolve().parents[1]
 #: the 24 turns that carry a Gaussian's axes onto its axes

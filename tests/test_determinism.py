@@ -15,7 +15,8 @@ from dfcgs_codec.bitstream.constants import IntraKind, Profile
 from dfcgs_codec.encoder.tuning import RefinementMode
 from dfcgs_codec.ply import write_ply
 from lab.options import encoder_options
-from tests.helpers import all_changing, drifting, make_cloud, real_cloud, run_python, swaying
+from lab.small_clouds import all_changing, drifting, make_cloud, real_cloud, swaying
+from tests.helpers import run_python
 
 #: prints a digest of every state and of every PLY that a fresh process decodes
 _DECODE = """

@@ -77,7 +77,9 @@ from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
 from dfcgs_codec.transform.rotation import normalise
-from tests import helpers
+from lab.chunks import join_chunks, split_chunks
+from lab.options import encoder_options
+from lab.small_clouds import all_changing, drifting, make_cloud, real_cloud, still, succeeding, waving
 from tests.context_models import random_arrays as random_prior_arrays
 from tests.latent_models import random_arrays
 
@@ -526,7 +528,7 @@ def test_encoded_sequences(
 ) -> None:
     rng = np.random.default_rng(count)
     target = tmp_path / "sequence.dgs"
-    options = helpers.encoder_options(order=order, intra=intra, gof_size=4)
+    options = encoder_options(order=order, intra=intra, gof_size=4)
     encode_sequence(_sequence(rng, count, sh_degree), target, options)
     assert len(_check_file(target.read_bytes())) == 6
 
@@ -838,9 +840,7 @@ def test_networks(
     monkeypatch.setattr(LatentCoder, "_leads_nearer", lambda *_: True)
     frames = _sequence(np.random.default_rng(seed), 150, sh_degree)[:4]
     target = tmp_path / "random.dgs"
-    options = helpers.encoder_options(
-        profile=Profile.PAPER, model_id="random", **({"control_spacing": 15} | changes)
-    )
+    options = encoder_options(profile=Profile.PAPER, model_id="random", **({"control_spacing": 15} | changes))
     report = encode_sequence(frames, target, options)
     assert sum(frame.kind == "P" for frame in report.frames) >= 1
     _check_file(target.read_bytes(), {"random": _as_text_reads(arrays)})
@@ -870,39 +870,39 @@ def _random_prior(seed: int, monkeypatch: pytest.MonkeyPatch) -> tuple[ContextMo
 
 def _small(count: int, sh_degree: int = 0) -> GaussianCloud:
     """Gaussians so small that motion is worth its bytes."""
-    cloud = helpers.make_cloud(count, sh_degree, 3)
+    cloud = make_cloud(count, sh_degree, 3)
     return replace(cloud, scales=cloud.scales - 3)
 
 
 def _waving(frames: list[GaussianCloud]) -> list[GaussianCloud]:
-    return [helpers.waving(cloud, 0.1 * index) for index, cloud in enumerate(frames)]
+    return [waving(cloud, 0.1 * index) for index, cloud in enumerate(frames)]
 
 
 _MOVING: dict[str, Any] = {"control_spacing": 15}
 #: frames, and options of the encoder
 PRIOR_SEQUENCES: dict[str, tuple[Callable[[], list[GaussianCloud]], dict[str, Any]]] = {
-    "tracked": (lambda: helpers.drifting(helpers.real_cloud(300), 4), {}),
-    "one": (lambda: helpers.drifting(helpers.make_cloud(1), 3), {}),
-    "few": (lambda: helpers.all_changing(helpers.make_cloud(40, 1), 4), {}),
-    "all attributes": (lambda: helpers.all_changing(helpers.make_cloud(200, 3), 3), {}),
+    "tracked": (lambda: drifting(real_cloud(300), 4), {}),
+    "one": (lambda: drifting(make_cloud(1), 3), {}),
+    "few": (lambda: all_changing(make_cloud(40, 1), 4), {}),
+    "all attributes": (lambda: all_changing(make_cloud(200, 3), 3), {}),
     "uniform steps": (
-        lambda: helpers.all_changing(helpers.make_cloud(150, 1), 4),
+        lambda: all_changing(make_cloud(150, 1), 4),
         {"visibility": False, "qp": 24},
     ),
-    "several GoFs": (lambda: helpers.all_changing(helpers.make_cloud(100), 7), {"gof_size": 3}),
-    "verbatim": (lambda: helpers.all_changing(helpers.make_cloud(100), 3), {"intra": IntraKind.PLY}),
-    "motion": (lambda: _waving(helpers.still(_small(300), 5)), _MOVING),
-    "motion and change": (lambda: _waving(helpers.all_changing(_small(400, 1), 4)), _MOVING),
-    "births and deaths": (lambda: helpers.succeeding(_small(600), 4), {"control_spacing": 20}),
+    "several GoFs": (lambda: all_changing(make_cloud(100), 7), {"gof_size": 3}),
+    "verbatim": (lambda: all_changing(make_cloud(100), 3), {"intra": IntraKind.PLY}),
+    "motion": (lambda: _waving(still(_small(300), 5)), _MOVING),
+    "motion and change": (lambda: _waving(all_changing(_small(400, 1), 4)), _MOVING),
+    "births and deaths": (lambda: succeeding(_small(600), 4), {"control_spacing": 20}),
     "lost order": (
-        lambda: helpers.succeeding(_small(300, 1), 4, shuffle=True),
+        lambda: succeeding(_small(300, 1), 4, shuffle=True),
         {**_MOVING, "order": OutputOrder.INPUT},
     ),
     "levels left out, few coded": (
-        lambda: helpers.drifting(helpers.real_cloud(2300), 3, 0.05),
+        lambda: drifting(real_cloud(2300), 3, 0.05),
         {"motion": MotionMode.OFF},
     ),
-    "levels left out, all coded": (lambda: helpers.all_changing(helpers.make_cloud(2112), 3), {"qp": 24}),
+    "levels left out, all coded": (lambda: all_changing(make_cloud(2112), 3), {"qp": 24}),
 }
 
 
@@ -912,7 +912,7 @@ def test_priors(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     make, changes = PRIOR_SEQUENCES[name]
     _, models = _random_prior(sorted(PRIOR_SEQUENCES).index(name), monkeypatch)
     target = tmp_path / "random.dgs"
-    report = encode_sequence(make(), target, helpers.encoder_options(model_id="random", **changes))
+    report = encode_sequence(make(), target, encoder_options(model_id="random", **changes))
     assert sum(frame.kind == "P" for frame in report.frames) >= 2
     _check_file(target.read_bytes(), models)
 
@@ -924,10 +924,10 @@ def test_logarithms_are_those_of_the_text() -> None:
 
 def _with_model(data: bytes, **changes: Any) -> bytes:
     """A file whose header names another model, or has another profile."""
-    chunks = helpers.split_chunks(data)
+    chunks = split_chunks(data)
     writer = ByteWriter()
     replace(SequenceHeader.read(ByteReader(chunks[0].payload)), **changes).write(writer)
-    return helpers.join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
+    return join_chunks([replace(chunks[0], payload=writer.getvalue()), *chunks[1:]])
 
 
 @pytest.mark.parametrize("profile", [Profile.MAIN, Profile.PAPER])
@@ -939,8 +939,8 @@ def test_models_that_do_not_fit(profile: Profile, tmp_path: Path, monkeypatch: p
     models |= {"network": _as_text_reads(arrays)}
     own, other = (prior, network) if profile == Profile.MAIN else (network, prior)
     target = tmp_path / "sequence.dgs"
-    options = helpers.encoder_options(profile=profile, model_id=own.model_id)
-    encode_sequence(helpers.drifting(helpers.make_cloud(20), 2), target, options)
+    options = encoder_options(profile=profile, model_id=own.model_id)
+    encode_sequence(drifting(make_cloud(20), 2), target, options)
     data = target.read_bytes()
     assert len(_check_file(data, models)) == 2
     named = {"model_id": other.model_id, "model_hash": other.digest[:8]}

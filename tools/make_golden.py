@@ -45,10 +45,26 @@ from dfcgs_codec.ply import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-from lab import small_clouds as helpers  # noqa: E402
 from lab import small_room as rooms  # noqa: E402
 from lab.chunks import Chunk, join_chunks, split_chunks  # noqa: E402
 from lab.options import encoder_options  # noqa: E402
+from lab.small_clouds import (  # noqa: E402
+    FIELDS,
+    all_changing,
+    clustered_cloud,
+    coincident_cloud,
+    drifting,
+    make_cloud,
+    on_lattices,
+    real_cloud,
+    shuffled,
+    still,
+    succeeding,
+    swaying,
+    travelling,
+    waving,
+    with_outliers,
+)
 
 FOLDER = ROOT / "tests" / "conformance"
 PAPER = EncoderOptions(profile=Profile.PAPER)
@@ -57,26 +73,26 @@ Sequence = tuple[list[GaussianCloud], EncoderOptions]
 
 
 def _flipping_signs() -> list[GaussianCloud]:
-    cloud = helpers.real_cloud(60)
+    cloud = real_cloud(60)
     return [replace(cloud, rotations=cloud.rotations * np.float32((-1) ** i)) for i in range(3)]
 
 
 def _scattered(count: int) -> GaussianCloud:
     """Small Gaussians so far apart that a sort key cannot hold their positions."""
-    cloud = helpers.make_cloud(count)
+    cloud = make_cloud(count)
     return replace(cloud, positions=cloud.positions * np.float32(1e4), scales=cloud.scales - 2)
 
 
 def _minute(count: int, sh_degree: int = 0) -> GaussianCloud:
     """Gaussians so small that motion is worth its bytes."""
-    cloud = helpers.make_cloud(count, sh_degree, 3)
+    cloud = make_cloud(count, sh_degree, 3)
     return replace(cloud, scales=cloud.scales - 3)
 
 
 def _waving(count: int, num_frames: int) -> list[GaussianCloud]:
     """One half turns about the vertical axis, farther with every frame; the other stands still."""
     cloud = _minute(count)
-    return [helpers.waving(cloud, 0.1 * index) for index in range(num_frames)]
+    return [waving(cloud, 0.1 * index) for index in range(num_frames)]
 
 
 def _with_far_ones(frames: list[GaussianCloud], where: dict[int, float]) -> list[GaussianCloud]:
@@ -96,7 +112,7 @@ def _on_a_map(cloud: GaussianCloud) -> GaussianCloud:
 
 def _not_finite(cloud: GaussianCloud) -> GaussianCloud:
     """With values that are no numbers, and a quaternion that is none."""
-    arrays = {name: getattr(cloud, name).copy() for name in helpers.FIELDS}
+    arrays = {name: getattr(cloud, name).copy() for name in FIELDS}
     arrays["positions"][1] = [np.nan, np.inf, 1]
     arrays["scales"][2], arrays["opacities"][3], arrays["rotations"][4] = -np.inf, np.inf, 0
     arrays["sh_rest"].view("u4")[5] = 0x7F800123
@@ -105,134 +121,134 @@ def _not_finite(cloud: GaussianCloud) -> GaussianCloud:
 
 def valid_sequences() -> dict[str, Sequence]:
     """What the valid streams are made of; each shows one part of the format."""
-    real = helpers.real_cloud(120)
+    real = real_cloud(120)
     return {
-        "tracked_sh2": (helpers.drifting(real, 4), EncoderOptions(gof_size=3)),
-        "all_attributes_sh3": (helpers.all_changing(helpers.make_cloud(60, 3), 3), EncoderOptions()),
-        "skipped_frames_sh0": (helpers.still(helpers.make_cloud(50), 4), EncoderOptions()),
+        "tracked_sh2": (drifting(real, 4), EncoderOptions(gof_size=3)),
+        "all_attributes_sh3": (all_changing(make_cloud(60, 3), 3), EncoderOptions()),
+        "skipped_frames_sh0": (still(make_cloud(50), 4), EncoderOptions()),
         "input_order_sh1": (
-            helpers.drifting(helpers.make_cloud(70, 1), 3),
+            drifting(make_cloud(70, 1), 3),
             EncoderOptions(order=OutputOrder.INPUT, gof_size=2),
         ),
-        "single_gaussian": (helpers.drifting(helpers.make_cloud(1), 3), EncoderOptions()),
-        "coincident": (helpers.travelling(helpers.coincident_cloud(80), 2), EncoderOptions()),
+        "single_gaussian": (drifting(make_cloud(1), 3), EncoderOptions()),
+        "coincident": (travelling(coincident_cloud(80), 2), EncoderOptions()),
         "far_outliers": (
-            [helpers.with_outliers(helpers.make_cloud(90), 4, 1e6)],
+            [with_outliers(make_cloud(90), 4, 1e6)],
             EncoderOptions(qp=4, order=OutputOrder.FREE),
         ),
-        "changed_count": ([helpers.make_cloud(40), helpers.make_cloud(30, 0, 9)], EncoderOptions()),
+        "changed_count": ([make_cloud(40), make_cloud(30, 0, 9)], EncoderOptions()),
         "verbatim_sh1": (
-            helpers.drifting(helpers.make_cloud(50, 1), 3),
+            drifting(make_cloud(50, 1), 3),
             encoder_options(intra=IntraKind.PLY, order=OutputOrder.INPUT),
         ),
         "sign_flips": (_flipping_signs(), EncoderOptions()),
         "lost_order": (
-            [helpers.make_cloud(80), helpers.shuffled(helpers.make_cloud(80))],
+            [make_cloud(80), shuffled(make_cloud(80))],
             EncoderOptions(gof_size=1, order=OutputOrder.INPUT),
         ),
         "raw_position_bits": ([_scattered(100)], EncoderOptions(qp=0, order=OutputOrder.FREE)),
         "bounded_turns": (
-            helpers.all_changing(helpers.real_cloud(700), 2),
+            all_changing(real_cloud(700), 2),
             EncoderOptions(bounds=(Bound("rotation", 0.5),), order=OutputOrder.INPUT),
         ),
         "values_already_quantised": (
-            helpers.drifting(helpers.on_lattices(helpers.real_cloud(800)), 2),
+            drifting(on_lattices(real_cloud(800)), 2),
             EncoderOptions(qp=24),
         ),
-        "every_gof_a_frame": (helpers.drifting(helpers.make_cloud(60), 4), EncoderOptions(gof_size=1)),
-        "long_gof": (helpers.all_changing(helpers.make_cloud(70), 12), EncoderOptions(gof_size=12)),
+        "every_gof_a_frame": (drifting(make_cloud(60), 4), EncoderOptions(gof_size=1)),
+        "long_gof": (all_changing(make_cloud(70), 12), EncoderOptions(gof_size=12)),
         "bounded": (
-            helpers.all_changing(helpers.clustered_cloud(90, 1), 3),
+            all_changing(clustered_cloud(90, 1), 3),
             EncoderOptions(bounds=(Bound("position", 0.001), Bound("alpha", 0.01))),
         ),
         "uniform_steps": (
-            helpers.all_changing(helpers.make_cloud(70, 1), 3),
+            all_changing(make_cloud(70, 1), 3),
             encoder_options(visibility=False),
         ),
-        "two_quantisers_sh2": (helpers.drifting(helpers.real_cloud(1500), 2), EncoderOptions()),
+        "two_quantisers_sh2": (drifting(real_cloud(1500), 2), EncoderOptions()),
         "two_quantisers_but_for_scales": (
-            helpers.all_changing(helpers.clustered_cloud(1100, 1), 2),
+            all_changing(clustered_cloud(1100, 1), 2),
             EncoderOptions(bounds=(Bound("scale", 0.01),), qp=34),
         ),
-        "no_cover": (helpers.all_changing(helpers.real_cloud(200), 3), EncoderOptions()),
+        "no_cover": (all_changing(real_cloud(200), 3), EncoderOptions()),
         "cover_classes": (
-            helpers.all_changing(rooms.room(), 2),
+            all_changing(rooms.room(), 2),
             EncoderOptions(qp=36, views=rooms.viewers(), keep_unseen=True),
         ),
         "names_over_gof_borders": (_waving(400, 5), encoder_options(gof_size=2, control_spacing=20)),
         "motion": (_waving(900, 4), encoder_options(control_spacing=20)),
         "motion_after_verbatim": (_waving(300, 3), encoder_options(intra=IntraKind.PLY, control_spacing=10)),
         "motion_only": (_waving(300, 4), encoder_options(motion=MotionMode.ONLY, control_spacing=12)),
-        "births_and_deaths": (helpers.succeeding(_minute(600), 4), encoder_options(control_spacing=20)),
+        "births_and_deaths": (succeeding(_minute(600), 4), encoder_options(control_spacing=20)),
         "lost_order_topology": (
-            helpers.succeeding(_minute(400, 1), 4, shuffle=True),
+            succeeding(_minute(400, 1), 4, shuffle=True),
             encoder_options(control_spacing=20),
         ),
         "input_order_topology": (
-            helpers.succeeding(_minute(300), 3, shuffle=True),
+            succeeding(_minute(300), 3, shuffle=True),
             encoder_options(order=OutputOrder.INPUT, control_spacing=20),
         ),
         "topology_after_verbatim": (
-            helpers.succeeding(_minute(200), 3),
+            succeeding(_minute(200), 3),
             encoder_options(intra=IntraKind.PLY, control_spacing=9),
         ),
-        "paper": (helpers.swaying(helpers.real_cloud(900), 4), PAPER),
+        "paper": (swaying(real_cloud(900), 4), PAPER),
         "paper_coarse_sh3": (
-            helpers.swaying(helpers.make_cloud(400, 3), 3, 0.8),
+            swaying(make_cloud(400, 3), 3, 0.8),
             encoder_options(PAPER, latent_step=2, control_spacing=60, num_neighbours=24),
         ),
         "paper_fine": (
-            helpers.swaying(helpers.make_cloud(500), 7, 0.3),
+            swaying(make_cloud(500), 7, 0.3),
             encoder_options(PAPER, latent_step=0.25, control_spacing=60, gof_size=5),
         ),
         "paper_refined": (
-            helpers.swaying(helpers.real_cloud(400), 3),
+            swaying(real_cloud(400), 3),
             encoder_options(PAPER, refinement=RefinementMode.ON, qp=20),
         ),
         "paper_refined_after_verbatim": (
-            helpers.all_changing(helpers.make_cloud(60, 1), 3),
+            all_changing(make_cloud(60, 1), 3),
             encoder_options(PAPER, refinement=RefinementMode.ON, intra=IntraKind.PLY),
         ),
-        "prior_tracked_sh2": (helpers.drifting(helpers.real_cloud(500), 4), replace(MAIN, gof_size=3)),
-        "prior_all_attributes_sh3": (helpers.all_changing(helpers.make_cloud(80, 3), 4), MAIN),
-        "prior_many_levels": (helpers.drifting(helpers.make_cloud(2100), 2), replace(MAIN, qp=24)),
-        "prior_few_gaussians": (helpers.all_changing(helpers.make_cloud(7), 3), MAIN),
+        "prior_tracked_sh2": (drifting(real_cloud(500), 4), replace(MAIN, gof_size=3)),
+        "prior_all_attributes_sh3": (all_changing(make_cloud(80, 3), 4), MAIN),
+        "prior_many_levels": (drifting(make_cloud(2100), 2), replace(MAIN, qp=24)),
+        "prior_few_gaussians": (all_changing(make_cloud(7), 3), MAIN),
         "prior_uniform_steps": (
-            helpers.all_changing(helpers.make_cloud(70, 1), 3),
+            all_changing(make_cloud(70, 1), 3),
             encoder_options(MAIN, visibility=False),
         ),
         "prior_motion": (_waving(900, 5), encoder_options(MAIN, control_spacing=20)),
         "prior_births_and_deaths": (
-            helpers.succeeding(_minute(600), 5),
+            succeeding(_minute(600), 5),
             encoder_options(MAIN, control_spacing=20),
         ),
         "escapes": (
-            _with_far_ones(helpers.drifting(helpers.make_cloud(80), 6), {0: 1e12, 2: 1e9, 3: 1e9, 5: 1e30}),
+            _with_far_ones(drifting(make_cloud(80), 6), {0: 1e12, 2: 1e9, 3: 1e9, 5: 1e30}),
             EncoderOptions(gof_size=4),
         ),
         "escapes_of_still_ones": (
-            _with_far_ones(helpers.still(helpers.make_cloud(40), 4), {1: 1e12, 2: 1e12}),
+            _with_far_ones(still(make_cloud(40), 4), {1: 1e12, 2: 1e12}),
             EncoderOptions(),
         ),
         "escapes_and_topology": (
-            _with_far_ones(helpers.succeeding(_minute(200), 3, shuffle=True), {1: 1e10, 2: 1e10}),
+            _with_far_ones(succeeding(_minute(200), 3, shuffle=True), {1: 1e10, 2: 1e10}),
             encoder_options(order=OutputOrder.INPUT, control_spacing=20),
         ),
-        "escapes_paper": (_with_far_ones(helpers.swaying(helpers.real_cloud(300), 3), {1: 1e12}), PAPER),
+        "escapes_paper": (_with_far_ones(swaying(real_cloud(300), 3), {1: 1e12}), PAPER),
         "float64_from_origin": (
-            _with_far_ones([_on_a_map(c) for c in helpers.drifting(helpers.make_cloud(90), 3)], {1: 1e15}),
+            _with_far_ones([_on_a_map(c) for c in drifting(make_cloud(90), 3)], {1: 1e15}),
             EncoderOptions(qp=18),
         ),
         "empty_frames": (
-            [helpers.make_cloud(n, 1) for n in (0, 0, 30, 0, 20)],
+            [make_cloud(n, 1) for n in (0, 0, 30, 0, 20)],
             EncoderOptions(order=OutputOrder.INPUT),
         ),
         "verbatim_not_finite": (
-            [_not_finite(cloud) for cloud in helpers.drifting(helpers.make_cloud(40, 1), 3)],
+            [_not_finite(cloud) for cloud in drifting(make_cloud(40, 1), 3)],
             encoder_options(intra=IntraKind.PLY, order=OutputOrder.INPUT),
         ),
         "odd_rate": (
-            helpers.still(helpers.make_cloud(5), 2),
+            still(make_cloud(5), 2),
             EncoderOptions(frame_rate=Fraction(30000, 1001)),
         ),
     }
@@ -331,12 +347,12 @@ def _encoded(frames: list[GaussianCloud], options: EncoderOptions) -> bytes:
 
 def _still_after_verbatim() -> bytes:
     """Profile PAPER, SH degree 0: a verbatim I-frame that is repeated."""
-    return _encoded(helpers.still(helpers.make_cloud(50), 3), encoder_options(PAPER, intra=IntraKind.PLY))
+    return _encoded(still(make_cloud(50), 3), encoder_options(PAPER, intra=IntraKind.PLY))
 
 
 def _finely_turned() -> bytes:
     """P-frames whose rotation symbols are large."""
-    return _encoded(helpers.all_changing(helpers.make_cloud(40), 2), EncoderOptions(qp=4))
+    return _encoded(all_changing(make_cloud(40), 2), EncoderOptions(qp=4))
 
 
 def _with_units(data: bytes, **changes: object) -> bytes:

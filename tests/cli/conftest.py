@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.helpers import dfcgs, drifting, real_cloud, write_frames
+from lab.small_clouds import drifting, real_cloud
+from tests.helpers import dfcgs, write_frames
 
 NUM_FRAMES = 5
 GOF_SIZE = 2

@@ -8,9 +8,10 @@ import pytest
 
 from dfcgs_codec import probe
 from dfcgs_codec.ply import property_names, read_ply
+from lab.small_clouds import same_cloud
 from tests.cli.conftest import GOF_SIZE, NUM_FRAMES
 from tests.cli.test_encode import fails
-from tests.helpers import dfcgs, same_cloud
+from tests.helpers import dfcgs
 
 NAMES = [f"frame_{number:04d}.ply" for number in range(7, 7 + NUM_FRAMES)]
 

@@ -15,16 +15,9 @@ import numpy as np
 import pytest
 
 from dfcgs_codec import decode_sequence, probe
+from lab.small_clouds import drifting, make_cloud, real_cloud
 from tests.cli.conftest import NUM_FRAMES
-from tests.helpers import (
-    dfcgs,
-    drifting,
-    make_cloud,
-    ply_table,
-    real_cloud,
-    write_frames,
-    write_table,
-)
+from tests.helpers import dfcgs, ply_table, write_frames, write_table
 
 
 def fails(done: subprocess.CompletedProcess[str], code: int, *words: str) -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.helpers import dfcgs, real_cloud, swaying, write_frames
+from lab.small_clouds import real_cloud, swaying
+from tests.helpers import dfcgs, write_frames
 
 
 @pytest.fixture(scope="module")

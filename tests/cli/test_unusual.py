@@ -13,18 +13,10 @@ from pathlib import Path
 import pytest
 
 from dfcgs_codec.ply import peek_header
+from lab.chunks import join_chunks, split_chunks
+from lab.small_clouds import drifting, make_cloud, real_cloud
 from tests.cli.test_encode import fails
-from tests.helpers import (
-    dfcgs,
-    drifting,
-    join_chunks,
-    make_cloud,
-    ply_table,
-    real_cloud,
-    split_chunks,
-    write_frames,
-    write_table,
-)
+from tests.helpers import dfcgs, ply_table, write_frames, write_table
 
 
 def names(folder: Path) -> list[str]:

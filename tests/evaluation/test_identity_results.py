@@ -17,7 +17,7 @@ from evaluation.tables import robustness
 from lab.scenes import SceneOptions, trained_sequence
 from lab.scenes.catalogue import group, scene
 from lab.scenes.tracked import drifting
-from tests.helpers import FIELDS, real_cloud
+from lab.small_clouds import FIELDS, real_cloud
 
 Frames = list[tuple[GaussianCloud, npt.NDArray[np.int64]]]
 COUNT = 1500

@@ -12,7 +12,7 @@ from lab.scenes import SURROUNDINGS
 from lab.scenes.fields import scene_size
 from lab.scenes.rotations import to_matrices
 from lab.scenes.surroundings import ROOM_SIZE, in_a_room
-from tests.helpers import FIELDS, real_cloud
+from lab.small_clouds import FIELDS, real_cloud
 
 
 @pytest.mark.parametrize("name", SURROUNDINGS)

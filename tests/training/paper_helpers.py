@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dfcgs_codec.gaussians import GaussianCloud
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 from training.paper.gof import NUM_FRAMES, Gof
 from training.paper.prepare import prepare_gof
 

@@ -11,7 +11,7 @@ from dfcgs_codec.errors import InputError
 from dfcgs_codec.model import registry
 from dfcgs_codec.model.context_model import NUM_CELLS, NUM_FLAG_CLASSES, ContextModel
 from lab.options import encoder_options
-from tests.helpers import all_changing, make_cloud, waving
+from lab.small_clouds import all_changing, make_cloud, waving
 
 torch = pytest.importorskip("torch", reason="training needs torch, from the train extra")
 

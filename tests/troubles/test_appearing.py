@@ -10,7 +10,7 @@ import pytest
 
 from dfcgs_codec import GaussianCloud, decode_sequence, encode_sequence
 from lab.options import encoder_options
-from tests.helpers import drifting, real_cloud
+from lab.small_clouds import drifting, real_cloud
 
 NUM_FRAMES = 4
 

@@ -21,7 +21,7 @@ from lab.bombs import (
     file_of_alike,
     with_intra,
 )
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 from tests.troubles.situations import run
 
 MOST_MIB = 300

@@ -19,7 +19,7 @@ from dfcgs_codec import (
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
 from dfcgs_codec.encoder.report import EncodeReport
 from lab.options import encoder_options
-from tests.helpers import FIELDS, drifting, make_cloud, real_cloud, still
+from lab.small_clouds import FIELDS, drifting, make_cloud, real_cloud, still
 
 INPUT = OutputOrder.INPUT
 NUM_FRAMES = 4

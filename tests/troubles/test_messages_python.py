@@ -20,7 +20,8 @@ from dfcgs_codec.cli import cli
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.spelling import PYTHON, command_line, in_python
 from lab.options import encoder_options
-from tests.helpers import drifting, make_cloud, write_frames
+from lab.small_clouds import drifting, make_cloud
+from tests.helpers import write_frames
 from tests.troubles.situations import encode, sequence
 
 SOURCES = Path(dfcgs_codec.__file__).parent

@@ -18,7 +18,7 @@ from dfcgs_codec import EncoderOptions, GaussianCloud, InputError, VerificationE
 from dfcgs_codec.encoder import encoder as encoding
 from dfcgs_codec.files import replace_folder_when_whole, replace_when_whole, syncing
 from dfcgs_codec.ply import PlyHeader
-from tests.helpers import drifting, make_cloud
+from lab.small_clouds import drifting, make_cloud
 from tests.troubles.situations import Outcome, encode, run, sequence
 
 FRAMES = [f"frame_{number:04d}.ply" for number in range(3)]

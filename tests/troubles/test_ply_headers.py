@@ -13,7 +13,7 @@ import pytest
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.ply import InputPolicy, display_comments, peek_header, read_ply, said_once, write_ply
-from tests.helpers import make_cloud, same_cloud
+from lab.small_clouds import make_cloud, same_cloud
 from tests.troubles.situations import ball, encode, moved, run, sequence, write
 
 BOM = b"\xef\xbb\xbf"

@@ -28,7 +28,8 @@ from dfcgs_codec import (
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder, Profile
 from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
 from lab.options import encoder_options
-from tests.helpers import FIELDS, drifting, make_cloud, write_frames
+from lab.small_clouds import FIELDS, drifting, make_cloud
+from tests.helpers import write_frames
 
 FRAMES = drifting(make_cloud(30, 1), 3)
 QUICK = encoder_options(motion="off", balance=False)

@@ -12,7 +12,7 @@ import pytest
 
 from dfcgs_codec.bitstream.constants import ChunkType
 from dfcgs_codec.bitstream.container import write_chunk
-from tests.helpers import Chunk, join_chunks, split_chunks
+from lab.chunks import Chunk, join_chunks, split_chunks
 from tests.troubles.situations import ball, encode, run, sequence, write
 from tests.unit.codec.test_salvage import starts
 

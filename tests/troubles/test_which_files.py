@@ -17,7 +17,7 @@ from dfcgs_codec import probe
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import MemorySource, open_folder
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 from tests.troubles.situations import ball, encode, moved, run, sequence, write
 
 _TREE = "frame{:06d}/point_cloud/iteration_{}/point_cloud.ply"

@@ -18,7 +18,7 @@ from dfcgs_codec.encoder import parallel
 from dfcgs_codec.encoder.parallel import process as process_module
 from dfcgs_codec.encoder.parallel.process import Worker
 from dfcgs_codec.ply import PlyHeader
-from tests.helpers import drifting, make_cloud
+from lab.small_clouds import drifting, make_cloud
 from tests.troubles.situations import run, sequence
 
 OPTIONS = EncoderOptions(gof_size=1, jobs=2)

@@ -15,7 +15,9 @@ from dfcgs_codec import (
 )
 from dfcgs_codec.ply import PlyHeader
 from dfcgs_codec.sequence import MemorySource, open_folder
-from tests.helpers import drifting, frame_hashes, join_chunks, make_cloud, split_chunks, still, write_frames
+from lab.chunks import join_chunks, split_chunks
+from lab.small_clouds import drifting, make_cloud, still
+from tests.helpers import frame_hashes, write_frames
 
 FRAMES = drifting(make_cloud(30, 1), 3)
 

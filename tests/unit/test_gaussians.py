@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dfcgs_codec.errors import InputError
-from tests.helpers import FIELDS, make_cloud, same_cloud
+from lab.small_clouds import FIELDS, make_cloud, same_cloud
 
 
 @pytest.mark.parametrize("degree", range(4))

@@ -9,7 +9,8 @@ from numpy.lib import recfunctions
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.ply import InputPolicy, PlyHeader, peek_header, property_names, read_ply, write_ply
-from tests.helpers import ASSET, make_cloud, ply_table, real_cloud, same_cloud, write_table
+from lab.small_clouds import ASSET, make_cloud, real_cloud, same_cloud
+from tests.helpers import ply_table, write_table
 
 DROP, REPAIR = InputPolicy(drop_extra=True), InputPolicy(repair=True)
 REQUIRED = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1"]

@@ -19,29 +19,31 @@ from dfcgs_codec.codec.visibility import MULTIPLIERS
 from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.sequence import MemorySource, open_folder
 from lab.options import encoder_options
-from tests.helpers import (
+from lab.small_clouds import (
     FIELDS,
     all_changing,
-    alphas,
     clustered_cloud,
     coincident_cloud,
-    covariances,
-    decode,
     drifting,
-    encode,
-    frame_hashes,
     make_cloud,
-    match,
     real_cloud,
-    rotation_degrees,
-    round_trip,
     same_cloud,
-    shape_errors,
     shuffled,
     still,
     travelling,
     untracked,
     with_outliers,
+)
+from tests.helpers import (
+    alphas,
+    covariances,
+    decode,
+    encode,
+    frame_hashes,
+    match,
+    rotation_degrees,
+    round_trip,
+    shape_errors,
     write_frames,
 )
 

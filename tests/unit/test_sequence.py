@@ -8,7 +8,8 @@ import pytest
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.ply import InputPolicy, PlyHeader
 from dfcgs_codec.sequence import MemorySource, open_folder
-from tests.helpers import make_cloud, ply_table, same_cloud, write_frames, write_table
+from lab.small_clouds import make_cloud, same_cloud
+from tests.helpers import ply_table, write_frames, write_table
 
 
 def frames(folder: Path, names: list[str], degree: int = 0) -> Path:

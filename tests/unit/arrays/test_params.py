@@ -18,7 +18,8 @@ from dfcgs_codec.arrays.archive import Archive
 from dfcgs_codec.arrays.params import open_params
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import TimestepSource, open_frames
-from tests.helpers import frame_hashes, same_cloud, write_frames
+from lab.small_clouds import same_cloud
+from tests.helpers import frame_hashes, write_frames
 from tests.troubles.situations import run
 
 SH_C0 = 0.28209479177387814

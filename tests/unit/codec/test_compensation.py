@@ -15,7 +15,7 @@ from dfcgs_codec.codec.motion_field import level_starts
 from dfcgs_codec.encoder.block_classes import classify_modes
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.rotation import ONE, from_float
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 
 CONTROL = ControlHeader(20, 2)
 RULES = [CONTROL, ControlHeader(10_000, 2)]

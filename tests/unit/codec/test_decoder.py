@@ -25,18 +25,10 @@ from dfcgs_codec.errors import (
     VerificationError,
 )
 from dfcgs_codec.model.registry import installed
+from lab.chunks import Chunk, join_chunks, split_chunks
 from lab.options import encoder_options
-from tests.helpers import (
-    Chunk,
-    all_changing,
-    encode,
-    frame_hashes,
-    join_chunks,
-    make_cloud,
-    same_cloud,
-    split_chunks,
-    travelling,
-)
+from lab.small_clouds import all_changing, make_cloud, same_cloud, travelling
+from tests.helpers import encode, frame_hashes
 
 
 @pytest.fixture(scope="module")

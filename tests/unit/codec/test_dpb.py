@@ -12,7 +12,7 @@ from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import FrameState, Plane, output, sh_bands, sh_rest_of_bands
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.transform.companding import expand
-from tests.helpers import make_cloud, same_cloud
+from lab.small_clouds import make_cloud, same_cloud
 
 UNITS = UnitExponents(-10, -12, -13, -14)
 

@@ -24,7 +24,7 @@ from dfcgs_codec.encoder.block_classes import classify_blocks
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
 from dfcgs_codec.transform.lod import GofLevels
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 
 ATTRIBUTES = [Attribute.POSITION, Attribute.ROTATION, Attribute.OPACITY, Attribute.SH_1]
 

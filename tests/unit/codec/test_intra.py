@@ -17,7 +17,7 @@ from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.companding import thin_octaves
-from tests.helpers import clustered_cloud, make_cloud, real_cloud
+from lab.small_clouds import clustered_cloud, make_cloud, real_cloud
 
 
 def task(

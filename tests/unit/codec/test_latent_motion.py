@@ -24,7 +24,7 @@ from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
 from dfcgs_codec.model.latent_model import LatentModel, latents_of
 from dfcgs_codec.transform.rotation import ONE, from_float, normalise
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 from tests.latent_models import random_model
 
 UNITS = UnitExponents(-14, -12, -14, -12)

@@ -13,7 +13,8 @@ from dfcgs_codec.bitstream.frame_headers import SortGrid
 from dfcgs_codec.codec.position_tree import code_positions
 from dfcgs_codec.codec.symbols import SymbolCoder
 from dfcgs_codec.encoder.analysis import order_of, plan_grid
-from tests.helpers import check_walk, coincident_cloud, make_cloud, with_outliers
+from lab.small_clouds import coincident_cloud, make_cloud, with_outliers
+from tests.helpers import check_walk
 
 
 def check(indices: np.ndarray, grid: SortGrid) -> int:

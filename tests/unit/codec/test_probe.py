@@ -8,7 +8,9 @@ import pytest
 from dfcgs_codec import EncoderOptions, probe
 from dfcgs_codec.bitstream.constants import OutputOrder
 from dfcgs_codec.errors import BitstreamError, TruncatedBitstream
-from tests.helpers import Chunk, all_changing, drifting, encode, join_chunks, make_cloud, split_chunks, still
+from lab.chunks import Chunk, join_chunks, split_chunks
+from lab.small_clouds import all_changing, drifting, make_cloud, still
+from tests.helpers import encode
 
 KEYS = {
     "bitstream_version",

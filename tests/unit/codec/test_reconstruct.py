@@ -12,7 +12,7 @@ from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.block_classes import classify_blocks
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.rotation import ONE
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 
 UNITS = UnitExponents(-12, -12, -12, -12)
 

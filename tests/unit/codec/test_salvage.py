@@ -15,7 +15,9 @@ from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.salvage import salvage
 from dfcgs_codec.errors import CorruptBitstream, NotADgsFile, TruncatedBitstream
-from tests.helpers import ROOT, all_changing, encode, frame_hashes, make_cloud, split_chunks
+from lab.chunks import split_chunks
+from lab.small_clouds import all_changing, make_cloud
+from tests.helpers import ROOT, encode, frame_hashes
 
 CONFORMANCE = ROOT / "tests" / "conformance" / "valid"
 

@@ -21,7 +21,8 @@ from dfcgs_codec.codec.verbatim import (
     state_of,
 )
 from dfcgs_codec.encoder.symbol_writer import SymbolWriter
-from tests.helpers import check_walk, make_cloud, real_cloud, same_cloud
+from lab.small_clouds import make_cloud, real_cloud, same_cloud
+from tests.helpers import check_walk
 
 UNITS = UnitExponents(-12, -12, -12, -12)
 SPECIAL = [0.0, -0.0, 1e-45, -1e-45, 1.1754944e-38, 3.4028235e38, np.inf, -np.inf, np.nan, 1.0, -1.0]

@@ -8,7 +8,7 @@ from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.dpb import FrameState, Plane, output
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.codec.visibility import MULTIPLIERS, Visibility
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 
 UNITS = UnitExponents(-12, -12, -12, -12)
 #: sixteenths of an octave

@@ -22,7 +22,8 @@ from dfcgs_codec.encoder.analysis import (
 )
 from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.gaussians import GaussianCloud
-from tests.helpers import coincident_cloud, make_cloud, rotation_degrees, with_outliers
+from lab.small_clouds import coincident_cloud, make_cloud, with_outliers
+from tests.helpers import rotation_degrees
 
 UNITS = UnitExponents(-16, -16, -16, -16)
 RESIDUALS = hnp.arrays(np.int64, 30, elements=st.integers(-(10**6), 10**6))

@@ -20,7 +20,7 @@ from dfcgs_codec.encoder.targets import Targets
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import MemorySource
 from lab.options import encoder_options
-from tests.helpers import FIELDS, make_cloud
+from lab.small_clouds import FIELDS, make_cloud
 
 COUNT = 1500
 

@@ -12,7 +12,8 @@ from dfcgs_codec.codec.dpb import FrameState, Plane, output
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.canonical import choose_axis_names
 from dfcgs_codec.gaussians import GaussianCloud
-from tests.helpers import covariances, make_cloud, rotation_degrees, shape_errors
+from lab.small_clouds import make_cloud
+from tests.helpers import covariances, rotation_degrees, shape_errors
 
 UNITS = UnitExponents(-20, -20, -20, -20)
 

@@ -12,7 +12,7 @@ from dfcgs_codec.errors import InputError
 from dfcgs_codec.model.registry import DEFAULT_PRIOR
 from dfcgs_codec.ply import PlyHeader
 from dfcgs_codec.sequence import MemorySource
-from tests.helpers import make_cloud, still
+from lab.small_clouds import make_cloud, still
 
 
 class FakeSource:

@@ -11,7 +11,7 @@ from dfcgs_codec.encoder.canonical import choose_axis_names
 from dfcgs_codec.encoder.error_meter import ErrorMeter
 from dfcgs_codec.encoder.identity import Members
 from dfcgs_codec.encoder.targets import Targets
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 
 UNITS = UnitExponents(-12, -14, -14, -14)
 

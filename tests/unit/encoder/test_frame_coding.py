@@ -17,7 +17,7 @@ from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.segment import SegmentEncoder
 from dfcgs_codec.sequence import MemorySource
 from lab.options import encoder_options
-from tests.helpers import all_changing, drifting, make_cloud
+from lab.small_clouds import all_changing, drifting, make_cloud
 
 
 def coded_frames(monkeypatch: pytest.MonkeyPatch) -> list[CodedFrame]:

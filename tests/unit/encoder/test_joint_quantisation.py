@@ -11,7 +11,7 @@ from dfcgs_codec.encoder.rate_control import Bound, plan_quantisation
 from dfcgs_codec.encoder.splats import alpha_of
 from dfcgs_codec.encoder.targets import Targets
 from dfcgs_codec.transform.companding import compress, expand
-from tests.helpers import real_cloud
+from lab.small_clouds import real_cloud
 
 UNITS = UnitExponents(-14, -14, -14, -14)
 SCALES = np.rint(np.log([[0.3, 0.2, 0.01]]) * 2**14).astype(np.int64)

@@ -23,7 +23,8 @@ from dfcgs_codec.model import registry
 from dfcgs_codec.model.registry import register
 from dfcgs_codec.sequence import open_folder
 from lab.options import encoder_options
-from tests.helpers import make_cloud, write_frames
+from lab.small_clouds import make_cloud
+from tests.helpers import write_frames
 from tests.latent_models import random_model
 
 PAPER = encoder_options(profile=Profile.PAPER, model_id="random")

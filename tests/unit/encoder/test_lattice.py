@@ -11,7 +11,8 @@ from dfcgs_codec.encoder.lattice import keep_exactly, lattice_log2, lattices
 from dfcgs_codec.encoder.rate_control import plan_quantisation
 from dfcgs_codec.sequence import MemorySource
 from lab.options import encoder_options
-from tests.helpers import drifting, on_lattices, real_cloud
+from lab.small_clouds import drifting, real_cloud
+from tests.helpers import on_lattices
 
 
 def found_in(

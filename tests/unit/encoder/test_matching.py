@@ -14,17 +14,17 @@ from dfcgs_codec.encoder.matching import match
 from dfcgs_codec.encoder.nearest import certain_pairs, mutual, tree
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.scenes import MOTIONS, SceneOptions, permuted_with_ids, trained_sequence
-from tests.helpers import (
+from lab.small_clouds import (
     FIELDS,
     clustered_cloud,
     coincident_cloud,
     make_cloud,
     real_cloud,
     shuffled,
-    turns,
     untracked,
     with_outliers,
 )
+from tests.helpers import turns
 
 Int64 = npt.NDArray[np.int64]
 Float64 = npt.NDArray[np.float64]

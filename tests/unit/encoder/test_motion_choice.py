@@ -12,7 +12,7 @@ from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_s
 from dfcgs_codec.encoder.motion_judge import lasting_bits, residual_bits
 from dfcgs_codec.encoder.tuning import MotionMode
 from lab.options import encoder_options
-from tests.helpers import all_changing, make_cloud, real_cloud, still, travelling, waving
+from lab.small_clouds import all_changing, make_cloud, real_cloud, still, travelling, waving
 
 OFF = encoder_options(motion=MotionMode.OFF)
 

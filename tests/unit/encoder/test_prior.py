@@ -15,8 +15,8 @@ from dfcgs_codec.codec.activity import AttributeActivity
 from dfcgs_codec.errors import ModelMismatch
 from dfcgs_codec.model import registry
 from lab.options import encoder_options
+from lab.small_clouds import all_changing, drifting, make_cloud, real_cloud, succeeding, waving
 from tests.context_models import random_prior
-from tests.helpers import all_changing, drifting, make_cloud, real_cloud, succeeding, waving
 
 MOVING = {"control_spacing": 15}
 

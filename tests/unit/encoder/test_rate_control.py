@@ -26,7 +26,7 @@ from dfcgs_codec.encoder.rate_control import (
 )
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 
 CLOUD = make_cloud(200, 3)
 SH_2 = make_cloud(200, 2)

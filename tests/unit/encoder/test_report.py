@@ -8,7 +8,8 @@ import pytest
 from dfcgs_codec import Bound
 from dfcgs_codec.encoder.report import EncodeReport, ErrorStatistics, FrameRecord, attribute_errors
 from dfcgs_codec.errors import InputError
-from tests.helpers import alphas, make_cloud, rotation_degrees
+from lab.small_clouds import make_cloud
+from tests.helpers import alphas, rotation_degrees
 
 A, B = make_cloud(50, 2, 1), make_cloud(50, 2, 2)
 

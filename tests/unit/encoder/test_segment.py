@@ -8,7 +8,7 @@ from dfcgs_codec import EncoderOptions, GaussianCloud
 from dfcgs_codec.encoder.planning import plan_sequence
 from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder
 from dfcgs_codec.sequence import MemorySource
-from tests.helpers import all_changing, drifting, make_cloud, shuffled, still, untracked
+from lab.small_clouds import all_changing, drifting, make_cloud, shuffled, still, untracked
 
 
 def code(frames: list[GaussianCloud], options: EncoderOptions | None = None) -> CodedSegment:

@@ -6,7 +6,7 @@ from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.verbatim import state_of
 from dfcgs_codec.encoder.targets import Targets, ordered
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 
 UNITS = UnitExponents(-10, -12, -12, -14)
 

@@ -12,7 +12,7 @@ import pytest
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
 from lab.options import encoder_options
-from tests.helpers import FIELDS, make_cloud, real_cloud, shuffled, still, succeeding, travelling, waving
+from lab.small_clouds import FIELDS, make_cloud, real_cloud, shuffled, still, succeeding, travelling, waving
 
 INTRA_ONLY = EncoderOptions(gof_size=1)
 

@@ -7,7 +7,7 @@ import pytest
 
 from dfcgs_codec.encoder.triage import is_tracked
 from dfcgs_codec.gaussians import GaussianCloud
-from tests.helpers import coincident_cloud, make_cloud, real_cloud, shuffled, travelling, with_outliers
+from lab.small_clouds import coincident_cloud, make_cloud, real_cloud, shuffled, travelling, with_outliers
 
 
 def moved(cloud: GaussianCloud, distance: float) -> GaussianCloud:

@@ -17,7 +17,7 @@ from dfcgs_codec.transform.lod import (
     order_levels,
 )
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
-from tests.helpers import make_cloud
+from lab.small_clouds import make_cloud
 
 COUNTS = [1, 2, 3, 31, 32, 63, 64, 65, 127, 128, 200, 1000, 4097]
 
