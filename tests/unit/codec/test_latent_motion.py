@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
-from dfcgs_codec.bitstream.frame_headers import ControlHeader
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps
 from dfcgs_codec.bitstream.motion_header import LatentHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.compensation import ControlSource
@@ -28,7 +28,7 @@ from lab.small_clouds import make_cloud
 from tests.latent_models import random_model
 
 UNITS = UnitExponents(-14, -12, -14, -12)
-STEPS = dict.fromkeys(Attribute, 16)
+STEPS = IntraSteps(dict.fromkeys(Attribute, 16), 0, dict.fromkeys(Attribute, 0), 0, frozenset())
 
 
 def state(count: int = 600, sh_degree: int = 2) -> GofState:
