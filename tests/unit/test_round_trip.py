@@ -189,7 +189,7 @@ def sequences(draw: st.DrawFn) -> list[GaussianCloud]:
 
 
 OPTIONS = st.builds(
-    EncoderOptions,
+    encoder_options,
     qp=st.integers(4, 46),
     gof_size=st.integers(1, 5),
     intra=st.sampled_from(IntraKind),
@@ -211,7 +211,7 @@ def test_anything_that_happens_with_any_options(frames: list[GaussianCloud], opt
             raise
     steps = steps_of(frames, options)
     for source, cloud in zip(frames, decoded, strict=True):
-        check_close(source, cloud, steps, options.zero_bin)
+        check_close(source, cloud, steps, options.tuning.zero_bin)
 
 
 # --- identity -----------------------------------------------------------------------------------------
