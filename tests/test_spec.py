@@ -578,9 +578,6 @@ class RandomWriter(SymbolWriter):
 
     rng = np.random.default_rng(0)
 
-    def center(self, evidence: Callable[[], Any]) -> int:
-        return code_signed(self, int(self.rng.integers(-50, 50)), constants.STATE_LIMIT)
-
     def weights(self, count: int, evidence: Any) -> Any:
         weights = self.rng.integers(-90, 90, count) * (self.rng.random(count) < 0.6)
         weights[0] = self.rng.choice([0, 0, 100, 256, 400])
@@ -602,7 +599,8 @@ class RandomWriter(SymbolWriter):
         return super().choice(size, lambda: int(self.rng.integers(size)))
 
     def predictor(self, num_before: int, evidence: Any) -> Any:
-        return self.center(evidence), self.weights(1 + num_before, None), self.weights(2 + num_before, None)
+        center = code_signed(self, int(self.rng.integers(-50, 50)), constants.STATE_LIMIT)
+        return center, self.weights(1 + num_before, None), self.weights(2 + num_before, None)
 
 
 def _random_indices(rng: np.random.Generator, count: int, grid: SortGrid) -> Any:

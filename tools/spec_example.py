@@ -435,10 +435,6 @@ class _TracingReader(SymbolReader):
         """See SymbolCoder."""
         return self._labelled("predictor", super().predictor, num_before, evidence)
 
-    def center(self, evidence: Callable[[], Int64]) -> int:
-        """See SymbolCoder."""
-        return self._labelled("center", super().center, evidence)
-
     def weights(self, count: int, evidence: WeightEvidence) -> Int64:
         """See SymbolCoder."""
         return self._labelled("weights", super().weights, count, evidence)

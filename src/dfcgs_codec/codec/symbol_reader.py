@@ -28,10 +28,6 @@ from dfcgs_codec.entropy.tables import SPLIT_ALPHAS
 class SymbolReader(RangeReader):
     """Reads what a SymbolWriter chose; evidence is never asked for."""
 
-    def center(self, evidence: Callable[[], Int64]) -> int:
-        """See SymbolCoder."""
-        return code_signed(self, None, STATE_LIMIT)
-
     def weights(self, count: int, evidence: WeightEvidence) -> Int64:
         """See SymbolCoder."""
         return code_weights(self, None, count)

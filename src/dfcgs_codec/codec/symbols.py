@@ -44,10 +44,6 @@ class ColumnFacts(NamedTuple):
 class SymbolCoder(RangeCoder, Protocol):
     """A range coder that also settles, in its direction, how symbols are coded."""
 
-    def center(self, evidence: Callable[[], Int64]) -> int:
-        """The integer around which values lie."""
-        ...
-
     def weights(self, count: int, evidence: WeightEvidence) -> Int64:
         """`count` prediction weights, Q8."""
         ...

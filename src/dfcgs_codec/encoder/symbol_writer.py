@@ -39,10 +39,6 @@ class SymbolWriter(RangeWriter):
         super().__init__()
         self._before = ResidualsInSteps()
 
-    def center(self, evidence: Callable[[], Int64]) -> int:
-        """See SymbolCoder: the median."""
-        return code_signed(self, int(np.median(evidence())), STATE_LIMIT)
-
     def weights(self, count: int, evidence: WeightEvidence) -> Int64:
         """See SymbolCoder: least squares."""
         return code_weights(self, fit_weights(*evidence()), count)

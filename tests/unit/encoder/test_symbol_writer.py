@@ -14,12 +14,6 @@ def never() -> None:
     raise AssertionError("a reader asked for evidence")
 
 
-def test_center_is_the_median() -> None:
-    writer = SymbolWriter()
-    assert writer.center(lambda: np.array([-5, 7, 9000])) == 7
-    assert SymbolReader(writer.getvalue()).center(never) == 7
-
-
 @pytest.mark.parametrize("choice", [0, 3, 15])
 def test_choice(choice: int) -> None:
     writer = SymbolWriter()
