@@ -18,16 +18,22 @@ from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
-from dfcgs_codec.codec.activity import DENSE, AttributeActivity, InterSymbols, num_blocks, num_inter_columns
-from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.codec.dpb import FrameState
-from dfcgs_codec.codec.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.inter import InterShape, code_inter
-from dfcgs_codec.codec.intra import IntraSymbols
-from dfcgs_codec.codec.limits import UNLIMITED
-from dfcgs_codec.codec.motion import FOLLOW, MotionSymbols, code_motion
-from dfcgs_codec.codec.topology import TopologySymbols, code_topology
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
+from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.frame.limits import UNLIMITED
+from dfcgs_codec.codec.frame.topology import TopologySymbols, code_topology
+from dfcgs_codec.codec.intra.walk import IntraSymbols
+from dfcgs_codec.codec.motion.walk import FOLLOW, MotionSymbols, code_motion
+from dfcgs_codec.codec.residual.classes import (
+    DENSE,
+    AttributeActivity,
+    InterSymbols,
+    num_blocks,
+    num_inter_columns,
+)
+from dfcgs_codec.codec.residual.walk import InterShape, code_inter
+from dfcgs_codec.codec.state.planes import FrameState
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
 from dfcgs_codec.model.registry import context_model
 from lab.chunks import Chunk, join_chunks, split_chunks
 from lab.options import encoder_options

@@ -23,8 +23,7 @@ def loaded_by(module: str) -> set[str]:
     return set(done.stdout.split())
 
 
-@pytest.mark.parametrize(
-    "module", ["dfcgs_codec.codec.decoder", "dfcgs_codec.codec.salvage", "dfcgs_codec.codec.probe"]
+@pytest.mark.parametrize("module", [f"dfcgs_codec.codec.frame.{name}" for name in ("decoder", "salvage", "probe")])
 )
 def test_a_decoder_loads_neither_the_encoder_nor_torch(module: str) -> None:
     loaded = loaded_by(module)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dfcgs_codec import EncoderOptions, EncoderTuning
-from dfcgs_codec.encoder import options, tuning
+from dfcgs_codec.encoder.plan.plan import options, tuning
 
 FOLDER = Path(tuning.__file__).parent
 
