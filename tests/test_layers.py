@@ -23,7 +23,10 @@ def loaded_by(module: str) -> set[str]:
     return set(done.stdout.split())
 
 
-@pytest.mark.parametrize("module", [f"dfcgs_codec.codec.frame.{name}" for name in ("decoder", "salvage", "probe")])
+@pytest.mark.parametrize(
+    "module", [f"dfcgs_codec.codec.frame.{name}" for name in ("decoder", "salvage", "probe")]
+)
+    "module", [f"dfcgs_codec.codec.frame.{name}" for name in ("decoder", "salvage", "probe")]
 )
 def test_a_decoder_loads_neither_the_encoder_nor_torch(module: str) -> None:
     loaded = loaded_by(module)

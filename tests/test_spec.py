@@ -49,6 +49,7 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps, SortG
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
+from dfcgs_codec.codec.columns.magnitudes import log_of
 from dfcgs_codec.codec.columns.side_information import (
     code_signed,
     code_tables,
@@ -60,7 +61,6 @@ from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.intra.verbatim import state_of
 from dfcgs_codec.codec.motion.walk import MotionSymbols
 from dfcgs_codec.codec.residual.classes import BLOCK_LOG2, AttributeActivity, InterSymbols
-from dfcgs_codec.codec.residual.inputs import log_of
 from dfcgs_codec.encoder.columns import streams
 from dfcgs_codec.encoder.columns.writer import SymbolWriter
 from dfcgs_codec.encoder.frame import frame_coding

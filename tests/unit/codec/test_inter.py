@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.codec.columns.magnitudes import row_sums
 from dfcgs_codec.codec.columns.reader import SymbolReader
 from dfcgs_codec.codec.residual.classes import (
     BLOCK_LOG2,
@@ -16,7 +17,6 @@ from dfcgs_codec.codec.residual.classes import (
     nonzero_rows,
     num_blocks,
     num_inter_columns,
-    row_sums,
 )
 from dfcgs_codec.codec.residual.inputs import gaussian_inputs
 from dfcgs_codec.codec.residual.walk import InterShape, Prior, code_inter

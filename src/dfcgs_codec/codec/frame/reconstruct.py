@@ -10,20 +10,12 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.codec.residual.classes import InterSymbols, nonzero_rows
-from dfcgs_codec.codec.state.planes import FrameState, Plane
+from dfcgs_codec.codec.state.planes import FrameState, Plane, scaled
 from dfcgs_codec.codec.state.visibility import MULTIPLIER_BITS
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.rotation import from_stereo, multiply, normalise
 
 Int64 = npt.NDArray[np.int64]
-
-
-def scaled(symbols: Int64, step: int) -> Int64:
-    """Symbols times step; refused before they could leave 64 bits."""
-    limit = 2 * STATE_LIMIT // step
-    if len(symbols) and (symbols.min() < -limit or symbols.max() > limit):
-        raise CorruptBitstream("a symbol is too large for its step")
-    return symbols * step
 
 
 def _in_range(values: Int64) -> Plane:

@@ -9,10 +9,10 @@ import numpy as np
 
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
+from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, UInt8, log_of, row_sums
 from dfcgs_codec.codec.columns.prior_column import LAST_INPUT, Component, others_of
 from dfcgs_codec.codec.motion.field import MotionField, level_starts
-from dfcgs_codec.codec.residual.classes import MEMORY_BITS, row_sums
-from dfcgs_codec.codec.residual.inputs import EFFORT_SHIFT, PRESENT, SMALL, UInt8, log_of
+from dfcgs_codec.codec.residual.inputs import EFFORT_SHIFT, SMALL
 from dfcgs_codec.model.context_model import INPUT_LIMIT, NUM_CONTROL_COMMON, ContextModel
 from dfcgs_codec.transform.lod import order_levels
 

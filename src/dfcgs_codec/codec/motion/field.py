@@ -16,8 +16,8 @@ import numpy.typing as npt
 from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_LIMIT
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
-from dfcgs_codec.codec.frame.reconstruct import scaled
 from dfcgs_codec.codec.motion.followers import Binding
+from dfcgs_codec.codec.state.planes import scaled
 from dfcgs_codec.transform.control_points import farthest_points, gather_from
 from dfcgs_codec.transform.rigid import RigidMotion
 from dfcgs_codec.transform.rotation import STEREO_ONE

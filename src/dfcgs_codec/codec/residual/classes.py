@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
+from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, row_sums
 
 Int64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
@@ -18,18 +19,9 @@ NUM_DENSITIES = 4
 DENSE = NUM_DENSITIES - 1
 #: magnitude classes are half octaves of the mean magnitude, in quarters of a symbol
 NUM_MAGNITUDES = 24
-#: running sums and memory count 16ths of symbols, and a quarter of them fades with each frame
-MEMORY_BITS = 4
+#: a quarter of running sums and memory fades with each frame
 MEMORY_DECAY_LOG2 = 2
 _MOST_RUNNING = 1 << 20
-
-
-def row_sums(values: Int64) -> Int64:
-    """Sum of each row of `values` (N, C)."""
-    total = values[:, 0].copy()
-    for column in range(1, values.shape[1]):
-        total += values[:, column]
-    return total
 
 
 def nonzero_rows(values: Int64) -> Bool:

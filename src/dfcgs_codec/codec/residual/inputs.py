@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
+from dfcgs_codec.codec.columns.magnitudes import PRESENT, log_of
 from dfcgs_codec.codec.motion.followers import BLEND, Binding
 from dfcgs_codec.model.context_model import INPUT_LIMIT
 
@@ -18,9 +19,6 @@ Int64 = npt.NDArray[np.int64]
 UInt8 = npt.NDArray[np.uint8]
 Bool = npt.NDArray[np.bool_]
 
-_LOG_LIMIT = (1 << 24) - 1
-#: what is or is not
-PRESENT = 64
 #: steps of small numbers: densities, columns left
 SMALL = 16
 #: efforts are in 1/16 of half octaves, four frames of them
@@ -34,15 +32,6 @@ SORTS = (*NOW, Attribute.SH_1)
 NUM_GAUSSIAN_INPUTS = 5
 #: of `common_inputs`
 NUM_COMMON = NUM_GAUSSIAN_INPUTS + 7 + len(NOW) + len(BEFORE) + len(SORTS)
-
-
-def log_of(values: Int64) -> UInt8:
-    """Eighths of octaves of integers >= 0: 0 for 0, 8 for 1, 16 for 2, 199 at most; lines between octaves."""
-    limited = np.minimum(values, _LOG_LIMIT).astype(np.float32)
-    # the exponent and the first three bits of the mantissa
-    logs = (limited.view(np.int32) >> 20) - (126 << 3)
-    found: UInt8 = np.maximum(logs, 0).astype(np.uint8)
-    return found
 
 
 def _small(values: Int64, factor: int) -> UInt8:

@@ -16,26 +16,23 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
+from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, UInt8, row_sums
 from dfcgs_codec.codec.columns.prior_column import LAST_INPUT, MEAN_BITS, Component, others_of, rows_of_passes
 from dfcgs_codec.codec.residual.classes import (
     BLOCK_LOG2,
     DENSE,
-    MEMORY_BITS,
     NUM_DENSITIES,
     NUM_MAGNITUDES,
     AttributeActivity,
     InterSymbols,
     num_blocks,
     num_inter_columns,
-    row_sums,
 )
 from dfcgs_codec.codec.residual.inputs import (
     BEFORE,
     NOW,
-    PRESENT,
     SMALL,
     AttributeInputs,
-    UInt8,
     common_inputs,
 )
 from dfcgs_codec.entropy.symbols import Groups, code_residuals, code_with_models

@@ -15,11 +15,13 @@ from dfcgs_codec.bitstream.constants import (
     FRAME_HASH_BYTES,
     ROTATION_FRACTION_BITS,
     STATE_COLUMNS,
+    STATE_LIMIT,
     Attribute,
     Precision,
 )
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.transform.companding import expand
 
@@ -276,3 +278,11 @@ def _expand(state: FrameState, units: UnitExponents) -> GaussianCloud:
         sh_dc=planes[Attribute.SH_DC].floats(units.color),
         sh_rest=_joined(bands, n, units.color),
     )
+
+
+def scaled(symbols: Int64, step: int) -> Int64:
+    """Symbols times step; refused before they could leave 64 bits."""
+    limit = 2 * STATE_LIMIT // step
+    if len(symbols) and (symbols.min() < -limit or symbols.max() > limit):
+        raise CorruptBitstream("a symbol is too large for its step")
+    return symbols * step

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.codec.columns.magnitudes import row_sums
 from dfcgs_codec.codec.motion.walk import FOLLOW, MIXED, STILL
-from dfcgs_codec.codec.residual.classes import BLOCK_LOG2, DENSE, NUM_MAGNITUDES, row_sums
+from dfcgs_codec.codec.residual.classes import BLOCK_LOG2, DENSE, NUM_MAGNITUDES
 from dfcgs_codec.transform.lod import ladder
 
 Int64 = npt.NDArray[np.int64]
