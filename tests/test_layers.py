@@ -26,8 +26,6 @@ def loaded_by(module: str) -> set[str]:
 @pytest.mark.parametrize(
     "module", [f"dfcgs_codec.codec.frame.{name}" for name in ("decoder", "salvage", "probe")]
 )
-    "module", [f"dfcgs_codec.codec.frame.{name}" for name in ("decoder", "salvage", "probe")]
-)
 def test_a_decoder_loads_neither_the_encoder_nor_torch(module: str) -> None:
     loaded = loaded_by(module)
     assert module in loaded
