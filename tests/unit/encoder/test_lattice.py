@@ -11,8 +11,7 @@ from dfcgs_codec.encoder.plan.prequantised_input import keep_exactly, lattice_lo
 from dfcgs_codec.encoder.plan.quantiser_steps import plan_quantisation
 from dfcgs_codec.sequence import MemorySource
 from lab.options import encoder_options
-from lab.small_clouds import drifting, real_cloud
-from tests.helpers import on_lattices
+from lab.small_clouds import drifting, on_lattices, real_cloud
 
 
 def found_in(
