@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dfcgs_codec import EncoderOptions
-from dfcgs_codec.encoder.rate_control import QUALITIES
+from dfcgs_codec.encoder.plan.quantiser_steps import QUALITIES
 from evaluation.baselines.catalogue import METHODS
 from evaluation.baselines.method import Method, SequenceFacts
 from lab.record import REPOSITORY

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence
-from dfcgs_codec.encoder.rate_control import QUALITIES
+from dfcgs_codec.encoder.plan.quantiser_steps import QUALITIES
 from evaluation.measure import Rated, Subject
 from evaluation.points import takes_views
 from evaluation.sequences import materialise

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
-from dfcgs_codec.encoder.planning import plan_sequence
-from dfcgs_codec.encoder.segment import SegmentEncoder
+from dfcgs_codec.encoder.frame.segment import SegmentEncoder
+from dfcgs_codec.encoder.plan.planning import plan_sequence
 from dfcgs_codec.ply import read_ply
 from dfcgs_codec.sequence import MemorySource
 from lab.assets import find_asset

@@ -12,23 +12,37 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
-from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, IntraKind, Tool
-from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, SortGrid, coded_attributes
+from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, ChunkType, IntraKind, Tool
+from dfcgs_codec.bitstream.frame_headers import (
+    InterHeader,
+    IntraHeader,
+    IntraSteps,
+    SortGrid,
+    coded_attributes,
+)
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
-from dfcgs_codec.codec.activity import DENSE, AttributeActivity, InterSymbols, num_blocks, num_inter_columns
-from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.codec.dpb import FrameState
-from dfcgs_codec.codec.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.inter import InterShape, code_inter
-from dfcgs_codec.codec.intra import IntraSymbols
-from dfcgs_codec.codec.limits import UNLIMITED
-from dfcgs_codec.codec.motion import FOLLOW, MotionSymbols, code_motion
-from dfcgs_codec.codec.topology import TopologySymbols, code_topology
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
+from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.frame.limits import UNLIMITED
+from dfcgs_codec.codec.frame.topology import TopologySymbols, code_topology
+from dfcgs_codec.codec.motion.walk import FOLLOW, MotionSymbols, code_motion
+from dfcgs_codec.codec.residual.classes import (
+    DENSE,
+    AttributeActivity,
+    InterSymbols,
+    num_blocks,
+    num_inter_columns,
+)
+from dfcgs_codec.codec.residual.walk import InterShape, code_inter
+from dfcgs_codec.codec.state.planes import FrameState
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
+from dfcgs_codec.encoder.intra.intra_plan import IntraTarget
+from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
 from dfcgs_codec.model.registry import context_model
+from dfcgs_codec.transform.rotation import ONE
 from lab.chunks import Chunk, join_chunks, split_chunks
 from lab.options import encoder_options
 from lab.small_clouds import make_cloud
@@ -173,15 +187,21 @@ class Crafted:
     def _replaced(self, count: int) -> tuple[FrameState | None, bytes]:
         """All Gaussians but one go, `count` come."""
         n = self._state.frame.num_gaussians
-        steps = dict.fromkeys(self._attributes, 1)
+        units = self._sequence.unit_exponents
+        steps = IntraSteps(
+            dict.fromkeys(self._attributes, 1), 0, dict.fromkeys(self._attributes, 0), 0, frozenset()
+        )
         header = TopologyHeader(n - 1, False, count, SortGrid(0, 0, (0, 0, 0), False), steps)
         planes = {a: np.zeros((count, STATE_COLUMNS[a]), np.int64) for a in self._attributes}
+        planes[Attribute.ROTATION][:, 0] = ONE
         writers: list[SymbolWriter] = []
-        target = TopologySymbols(np.arange(1), IntraSymbols(planes))
-        units = self._sequence.unit_exponents
-        kept, births = code_topology(lambda: _opened(writers), target, header, (n, units))
+        quantisation = Quantisation(units, steps.steps, frozenset(), {}, frozenset())
+        none = np.zeros(count, np.int64)
+        births = IntraTarget(planes, planes[Attribute.POSITION], none, steps, quantisation, 0.5)
+        target = TopologySymbols(np.arange(1), births)
+        kept, came = code_topology(lambda: _opened(writers), target, header, (n, units))
         self._state = self._state.survivors(kept)
-        return births, _bytes(header) + _streams(writers)
+        return came, _bytes(header) + _streams(writers)
 
     def _motion(self) -> tuple[MotionSymbols, bytes]:
         """All follow control points that stand still."""

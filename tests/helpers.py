@@ -19,11 +19,11 @@ from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_s
 from dfcgs_codec.bitstream.constants import ChunkType
 from dfcgs_codec.bitstream.container import ContainerReader
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
-from dfcgs_codec.codec.decoder import DecodedFrame
-from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.codec.symbols import SymbolCoder
-from dfcgs_codec.encoder.report import EncodeReport
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.codec.columns.coder import SymbolCoder
+from dfcgs_codec.codec.columns.reader import SymbolReader
+from dfcgs_codec.codec.frame.decoder import DecodedFrame
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
+from dfcgs_codec.encoder.frame.report import EncodeReport
 from dfcgs_codec.ply import property_names
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -12,7 +12,7 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.bitstream.constants import IntraKind, Profile
-from dfcgs_codec.encoder.tuning import RefinementMode
+from dfcgs_codec.encoder.plan.tuning import RefinementMode
 from dfcgs_codec.ply import write_ply
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, drifting, make_cloud, real_cloud, swaying
@@ -22,7 +22,7 @@ from tests.helpers import run_python
 _DECODE = """
 import hashlib, sys, tempfile
 from pathlib import Path
-from dfcgs_codec.codec.decoder import SequenceDecoder
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
 from dfcgs_codec.ply import write_ply
 with open(sys.argv[1], "rb") as file, tempfile.TemporaryDirectory() as folder:
     for frame in SequenceDecoder(file).frames():

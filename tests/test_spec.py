@@ -49,26 +49,27 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps, SortG
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
-from dfcgs_codec.codec.activity import BLOCK_LOG2, AttributeActivity, InterSymbols
-from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.codec.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.motion import MotionSymbols
-from dfcgs_codec.codec.residual_context import log_of
-from dfcgs_codec.codec.side_information import (
+from dfcgs_codec.codec.columns.magnitudes import log_of
+from dfcgs_codec.codec.columns.side_information import (
     code_signed,
     code_tables,
     code_weights,
     histogram_models,
 )
-from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder import frame_coding, streams
-from dfcgs_codec.encoder.block_classes import classify_modes
-from dfcgs_codec.encoder.intra_plan import IntraTarget
-from dfcgs_codec.encoder.latent_coding import LatentCoder
-from dfcgs_codec.encoder.motion_choice import MotionTrial
-from dfcgs_codec.encoder.rate_control import Quantisation
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
-from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
+from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.codec.motion.walk import MotionSymbols
+from dfcgs_codec.codec.residual.classes import BLOCK_LOG2, AttributeActivity, InterSymbols
+from dfcgs_codec.encoder.columns import streams
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
+from dfcgs_codec.encoder.frame import frame_coding
+from dfcgs_codec.encoder.intra.intra_plan import IntraTarget
+from dfcgs_codec.encoder.motion.motion_choice import MotionTrial
+from dfcgs_codec.encoder.paper.latent_coding import LatentCoder
+from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
+from dfcgs_codec.encoder.plan.tuning import MotionMode, RefinementMode
+from dfcgs_codec.encoder.residual.block_classes import classify_modes
 from dfcgs_codec.entropy import coder, tables
 from dfcgs_codec.entropy.symbols import code_bits, code_escapes, code_residuals
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS

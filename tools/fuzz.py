@@ -16,10 +16,10 @@ from collections.abc import Callable, Sequence
 from io import BytesIO
 from pathlib import Path
 
-from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.codec.limits import DecoderLimits
-from dfcgs_codec.codec.probe import probe_file
-from dfcgs_codec.codec.salvage import salvage
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
+from dfcgs_codec.codec.frame.limits import DecoderLimits
+from dfcgs_codec.codec.frame.probe import probe_file
+from dfcgs_codec.codec.frame.salvage import salvage
 from dfcgs_codec.errors import BitstreamError, VerificationError
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

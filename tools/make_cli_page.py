@@ -23,7 +23,7 @@ the last group of options, which few need.
 
 From Python, options of `encode` are fields of `EncoderOptions` and `InputPolicy`, and arguments of
 `open_folder`. How the encoder works inside can be changed from Python only, for experiments: by the fields of
-[`EncoderTuning`](../src/dfcgs_codec/encoder/tuning.py), which says what each was measured to be worth.
+[`EncoderTuning`](../src/dfcgs_codec/encoder/plan/tuning.py), which says what each was measured to be worth.
 
 Data goes to standard output; notes, progress and errors go to standard error. An error is one line that says
 what is wrong and what to do. Exit codes: 0 done, 1 failed, 2 the command line was wrong, 3 the file to decode

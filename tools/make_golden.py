@@ -38,8 +38,8 @@ from dfcgs_codec.bitstream.constants import (
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
-from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
+from dfcgs_codec.encoder.plan.tuning import MotionMode, RefinementMode
 from dfcgs_codec.model.registry import installed
 from dfcgs_codec.ply import write_ply
 

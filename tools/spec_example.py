@@ -35,22 +35,7 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps, SortG
 from dfcgs_codec.bitstream.io import ByteReader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
-from dfcgs_codec.codec import gof_decoder
-from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
-from dfcgs_codec.codec.column import ColumnGoal
-from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
-from dfcgs_codec.codec.gof_state import GofSetup
-from dfcgs_codec.codec.motion import MIXED, MotionSymbols
-from dfcgs_codec.codec.side_information import (
-    ABSENT_LEVEL,
-    EXPECTED_SCALE_RISE,
-    code_signed,
-    code_tables,
-    code_weights,
-    histogram_models,
-)
-from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.codec.symbols import (
+from dfcgs_codec.codec.columns.coder import (
     ColumnFacts,
     HistogramEvidence,
     Int64,
@@ -59,12 +44,28 @@ from dfcgs_codec.codec.symbols import (
     UInt8,
     WeightEvidence,
 )
-from dfcgs_codec.codec.turns import ChooseTurns, TurnContexts, Turns, TurnWalk
-from dfcgs_codec.encoder import frame_coding, streams
-from dfcgs_codec.encoder.intra_plan import IntraTarget
-from dfcgs_codec.encoder.motion_choice import MotionTrial
-from dfcgs_codec.encoder.rate_control import Quantisation
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.codec.columns.column import ColumnGoal
+from dfcgs_codec.codec.columns.reader import SymbolReader
+from dfcgs_codec.codec.columns.side_information import (
+    ABSENT_LEVEL,
+    EXPECTED_SCALE_RISE,
+    code_signed,
+    code_tables,
+    code_weights,
+    histogram_models,
+)
+from dfcgs_codec.codec.frame import gof_decoder
+from dfcgs_codec.codec.frame.decoder import DecodedFrame, SequenceDecoder
+from dfcgs_codec.codec.frame.gof_state import GofSetup
+from dfcgs_codec.codec.intra.turns import ChooseTurns, TurnContexts, Turns, TurnWalk
+from dfcgs_codec.codec.motion.walk import MIXED, MotionSymbols
+from dfcgs_codec.codec.residual.classes import AttributeActivity, InterSymbols
+from dfcgs_codec.encoder.columns import streams
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
+from dfcgs_codec.encoder.frame import frame_coding
+from dfcgs_codec.encoder.intra.intra_plan import IntraTarget
+from dfcgs_codec.encoder.motion.motion_choice import MotionTrial
+from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
 from dfcgs_codec.entropy.coder import Model
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, scale_table
 from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.encoder.rate_control import SH_C0
+from dfcgs_codec.encoder.plan.quantiser_steps import SH_C0
 from dfcgs_codec.gaussians import Float32
 from evaluation.baselines.spz import ALPHA_RANGE
 

@@ -24,10 +24,10 @@ import numpy as np
 
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.dpb import SH_BANDS, output
-from dfcgs_codec.encoder.analysis import order_of, plan_grid
-from dfcgs_codec.encoder.rate_control import Quantisation
-from dfcgs_codec.encoder.targets import Targets, ordered
+from dfcgs_codec.codec.state.planes import SH_BANDS, output
+from dfcgs_codec.encoder.frame.targets import Targets, ordered
+from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
+from dfcgs_codec.encoder.residual.quantise import order_of, plan_grid
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.rotation import round_divide

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.encoder.rate_control import Quantisation, plan_quantisation
+from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation, plan_quantisation
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.ply import read_ply, write_ply

@@ -21,9 +21,9 @@ import numpy as np
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, STEREO_FRACTION_BITS, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.dpb import FrameState, Plane, output
-from dfcgs_codec.encoder.analysis import order_of, plan_grid
-from dfcgs_codec.encoder.targets import Targets, ordered
+from dfcgs_codec.codec.state.planes import FrameState, Plane, output
+from dfcgs_codec.encoder.frame.targets import Targets, ordered
+from dfcgs_codec.encoder.residual.quantise import order_of, plan_grid
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.rotation import ONE, normalise, round_divide

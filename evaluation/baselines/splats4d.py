@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.encoder.rate_control import SH_C0
+from dfcgs_codec.encoder.plan.quantiser_steps import SH_C0
 from dfcgs_codec.gaussians import GaussianCloud
 from evaluation.baselines.delta_symbols import rotation_step
 from evaluation.baselines.dot_splat import read_splat, unit_rotations, write_splat

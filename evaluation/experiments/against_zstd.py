@@ -14,8 +14,12 @@ from typing import Any
 
 from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
-from dfcgs_codec.codec.decoder import DecodedFrame
-from dfcgs_codec.encoder.analysis import (
+from dfcgs_codec.codec.frame.decoder import DecodedFrame
+from dfcgs_codec.encoder.frame.targets import Targets, ordered
+from dfcgs_codec.encoder.matching.canonical import choose_axis_names
+from dfcgs_codec.encoder.plan.plan import SequencePlan
+from dfcgs_codec.encoder.plan.planning import plan_sequence
+from dfcgs_codec.encoder.residual.quantise import (
     Planes,
     ResidualQuantiser,
     ZeroBin,
@@ -23,10 +27,6 @@ from dfcgs_codec.encoder.analysis import (
     order_of,
     plan_grid,
 )
-from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.plan import SequencePlan
-from dfcgs_codec.encoder.planning import plan_sequence
-from dfcgs_codec.encoder.targets import Targets, ordered
 from dfcgs_codec.ply import read_ply
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.transform.rotation import round_divide

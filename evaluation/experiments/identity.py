@@ -26,8 +26,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence, probe
-from dfcgs_codec.encoder import segment
-from dfcgs_codec.encoder.identity import Members, Succession, found_members
+from dfcgs_codec.encoder.frame import segment
+from dfcgs_codec.encoder.matching.identity import Members, Succession, found_members
 from dfcgs_codec.ply import write_ply
 from evaluation.baselines.method import frame_path
 from evaluation.experiments.lost_order import OWN, TURNOVER, Identified, in_order, noises, order_lost, tracked

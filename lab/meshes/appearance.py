@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.encoder.splats import harmonics
+from dfcgs_codec.encoder.images.splats import harmonics
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS
 from lab.meshes.asset import Float64, Int64, Primitive
 

@@ -30,11 +30,11 @@ from dfcgs_codec.errors import (
 
 if TYPE_CHECKING:
     from dfcgs_codec.api import decode_sequence, encode_sequence
-    from dfcgs_codec.codec.limits import DecoderLimits
-    from dfcgs_codec.codec.probe import probe
-    from dfcgs_codec.encoder.options import EncoderOptions
-    from dfcgs_codec.encoder.rate_control import Bound
-    from dfcgs_codec.encoder.tuning import EncoderTuning
+    from dfcgs_codec.codec.frame.limits import DecoderLimits
+    from dfcgs_codec.codec.frame.probe import probe
+    from dfcgs_codec.encoder.plan.options import EncoderOptions
+    from dfcgs_codec.encoder.plan.quantiser_steps import Bound
+    from dfcgs_codec.encoder.plan.tuning import EncoderTuning
     from dfcgs_codec.gaussians import GaussianCloud
     from dfcgs_codec.ply import InputPolicy
     from dfcgs_codec.sequence import open_folder
@@ -42,11 +42,11 @@ if TYPE_CHECKING:
 _LAZY = {
     "encode_sequence": "dfcgs_codec.api",
     "decode_sequence": "dfcgs_codec.api",
-    "probe": "dfcgs_codec.codec.probe",
-    "DecoderLimits": "dfcgs_codec.codec.limits",
-    "EncoderOptions": "dfcgs_codec.encoder.options",
-    "EncoderTuning": "dfcgs_codec.encoder.tuning",
-    "Bound": "dfcgs_codec.encoder.rate_control",
+    "probe": "dfcgs_codec.codec.frame.probe",
+    "DecoderLimits": "dfcgs_codec.codec.frame.limits",
+    "EncoderOptions": "dfcgs_codec.encoder.plan.options",
+    "EncoderTuning": "dfcgs_codec.encoder.plan.tuning",
+    "Bound": "dfcgs_codec.encoder.plan.quantiser_steps",
     "GaussianCloud": "dfcgs_codec.gaussians",
     "InputPolicy": "dfcgs_codec.ply",
     "open_folder": "dfcgs_codec.sequence",

@@ -17,11 +17,11 @@ import numpy as np
 
 from dfcgs_codec.arguments import AnyPath, path_of, refusal, switch, whole
 from dfcgs_codec.bitstream.constants import MAGIC, IntraKind
-from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
-from dfcgs_codec.codec.limits import DecoderLimits
-from dfcgs_codec.encoder.encoder import Progress, encode_frames
-from dfcgs_codec.encoder.options import EncoderOptions
-from dfcgs_codec.encoder.report import EncodeReport
+from dfcgs_codec.codec.frame.decoder import DecodedFrame, SequenceDecoder
+from dfcgs_codec.codec.frame.limits import DecoderLimits
+from dfcgs_codec.encoder.frame.encoder import Progress, encode_frames
+from dfcgs_codec.encoder.frame.report import EncodeReport
+from dfcgs_codec.encoder.plan.options import EncoderOptions
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import check_file_target
 from dfcgs_codec.gaussians import GaussianCloud

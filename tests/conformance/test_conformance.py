@@ -14,7 +14,7 @@ import pytest
 
 from dfcgs_codec import decode_sequence, errors
 from dfcgs_codec.bitstream.constants import BITSTREAM_VERSION
-from dfcgs_codec.codec.decoder import SequenceDecoder
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
 from dfcgs_codec.errors import BitstreamError, TruncatedBitstream, VerificationError
 from dfcgs_codec.ply import write_ply
 

@@ -16,9 +16,9 @@ from scipy.spatial import cKDTree
 pytest.importorskip("zstandard", reason="from the eval extra")
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.codec.dpb import SH_BANDS
-from dfcgs_codec.encoder.rate_control import SH_C0
-from dfcgs_codec.encoder.report import attribute_errors
+from dfcgs_codec.codec.state.planes import SH_BANDS
+from dfcgs_codec.encoder.frame.report import attribute_errors
+from dfcgs_codec.encoder.plan.quantiser_steps import SH_C0
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.ply import read_ply, write_ply
 from dfcgs_codec.transform.companding import ALPHA_PER_UNIT

@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
-from dfcgs_codec.encoder import segment
-from dfcgs_codec.encoder.identity import Members, Succession, found_members
+from dfcgs_codec.encoder.frame import segment
+from dfcgs_codec.encoder.matching.identity import Members, Succession, found_members
 from evaluation.experiments import identity, lost_order
 from evaluation.tables import robustness
 from lab.scenes import SceneOptions, trained_sequence

@@ -11,8 +11,8 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch, from the train extra")
 
 from dfcgs_codec.bitstream.constants import Attribute  # noqa: E402
-from dfcgs_codec.codec.compensation import spread_over  # noqa: E402
-from dfcgs_codec.codec.dpb import FrameState, Plane  # noqa: E402
+from dfcgs_codec.codec.motion.compensation import spread_over  # noqa: E402
+from dfcgs_codec.codec.state.planes import FrameState, Plane  # noqa: E402
 from dfcgs_codec.entropy.tables import Shape, scale_table  # noqa: E402
 from dfcgs_codec.transform.spreading import Spreading  # noqa: E402
 from tests.training.paper_helpers import small_gof  # noqa: E402

@@ -12,7 +12,7 @@ import pytest
 
 from dfcgs_codec import DecoderLimits, DfcgsError, ResourceLimit
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
-from dfcgs_codec.codec.decoder import SequenceDecoder
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
 from lab.bombs import (
     BOMBS,
     FRESH,

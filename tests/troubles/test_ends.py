@@ -183,7 +183,7 @@ def test_an_error_of_the_system_is_one_line(
     def fail(*arguments: Any, **named: Any) -> None:
         raise error
 
-    monkeypatch.setattr("dfcgs_codec.encoder.encoder.plan_sequence", fail)
+    monkeypatch.setattr("dfcgs_codec.encoder.frame.encoder.plan_sequence", fail)
     done = encode(frames, tmp_path / "a.dgs")
     assert (done.code, done.out, done.err) == (1, "", line)
     assert list(tmp_path.iterdir()) == []
@@ -195,6 +195,6 @@ def test_an_error_of_the_program_stays_one(
     def fail(*arguments: Any, **named: Any) -> None:
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr("dfcgs_codec.encoder.encoder.plan_sequence", fail)
+    monkeypatch.setattr("dfcgs_codec.encoder.frame.encoder.plan_sequence", fail)
     with pytest.raises(RuntimeError, match="a bug"):
         run("encode", frames, tmp_path / "a.dgs")

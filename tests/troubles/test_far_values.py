@@ -17,7 +17,7 @@ from dfcgs_codec import (
     encode_sequence,
 )
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
-from dfcgs_codec.encoder.report import EncodeReport
+from dfcgs_codec.encoder.frame.report import EncodeReport
 from lab.options import encoder_options
 from lab.small_clouds import FIELDS, drifting, make_cloud, real_cloud, still
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, InputError, VerificationError, encode_sequence
-from dfcgs_codec.encoder import encoder as encoding
+from dfcgs_codec.encoder.frame import encoder as encoding
 from dfcgs_codec.files import replace_folder_when_whole, replace_when_whole, syncing
 from dfcgs_codec.ply import PlyHeader
 from lab.small_clouds import drifting, make_cloud

@@ -26,7 +26,7 @@ from dfcgs_codec import (
     probe,
 )
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder, Profile
-from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
+from dfcgs_codec.encoder.plan.tuning import MotionMode, RefinementMode
 from lab.options import encoder_options
 from lab.small_clouds import FIELDS, drifting, make_cloud
 from tests.helpers import write_frames

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from dfcgs_codec import Bound, EncoderOptions, GaussianCloud, InputError, decode_sequence, probe
 from dfcgs_codec.bitstream.constants import MAX_THIN_OCTAVES, Attribute, IntraKind, OutputOrder
-from dfcgs_codec.codec.visibility import MULTIPLIERS
-from dfcgs_codec.encoder.planning import plan_sequence
+from dfcgs_codec.codec.state.visibility import MULTIPLIERS
+from dfcgs_codec.encoder.plan.planning import plan_sequence
 from dfcgs_codec.sequence import MemorySource, open_folder
 from lab.options import encoder_options
 from lab.small_clouds import (

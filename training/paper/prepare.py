@@ -11,16 +11,16 @@ import numpy.typing as npt
 
 from dfcgs_codec.bitstream.constants import MAX_DECAY_EXPONENT, Attribute, Profile
 from dfcgs_codec.bitstream.motion_header import SpreadHeader
-from dfcgs_codec.codec.compensation import ControlSource
-from dfcgs_codec.codec.dpb import SH_BANDS, FrameState
-from dfcgs_codec.encoder.frame_coding import IntraTask, code_intra_frame
-from dfcgs_codec.encoder.identity import Members
-from dfcgs_codec.encoder.options import EncoderOptions
-from dfcgs_codec.encoder.placing import Placing
-from dfcgs_codec.encoder.plan import SequencePlan
-from dfcgs_codec.encoder.planning import plan_sequence
-from dfcgs_codec.encoder.targets import Planes, Targets
-from dfcgs_codec.encoder.tuning import EncoderTuning
+from dfcgs_codec.codec.motion.compensation import ControlSource
+from dfcgs_codec.codec.state.planes import SH_BANDS, FrameState
+from dfcgs_codec.encoder.frame.frame_coding import IntraTask, code_intra_frame
+from dfcgs_codec.encoder.frame.targets import Planes, Targets
+from dfcgs_codec.encoder.matching.identity import Members
+from dfcgs_codec.encoder.plan.allocation import Placing
+from dfcgs_codec.encoder.plan.options import EncoderOptions
+from dfcgs_codec.encoder.plan.plan import SequencePlan
+from dfcgs_codec.encoder.plan.planning import plan_sequence
+from dfcgs_codec.encoder.plan.tuning import EncoderTuning
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import MemorySource

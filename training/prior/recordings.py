@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
-from dfcgs_codec.codec.control_context import ControlPrior
-from dfcgs_codec.codec.inter import PriorContext
-from dfcgs_codec.codec.prior_component import Component
+from dfcgs_codec.codec.columns.prior_column import Component
+from dfcgs_codec.codec.motion.control_points import ControlPrior
+from dfcgs_codec.codec.residual.walk import PriorContext
 from dfcgs_codec.model.context_model import ContextModel, Flags, Part
 from dfcgs_codec.model.registry import register
 
@@ -107,7 +107,7 @@ class _Prepared:
 @contextmanager
 def _classes_recorded(recording: Recording) -> Iterator[None]:
     """Also remember block classes with their contexts, and what control points are predicted from."""
-    from dfcgs_codec.codec import inter
+    from dfcgs_codec.codec.residual import walk as inter
 
     density, magnitude, column = inter._code_density, inter._code_magnitude, Component.code
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.encoder.estimation import table_costs
+from dfcgs_codec.encoder.columns.side_information import table_costs
 from dfcgs_codec.entropy.coder import scale_model
 from dfcgs_codec.entropy.symbols import EXPLICIT_REACH
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, frequencies_from_weights, split_scale

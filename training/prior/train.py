@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from dfcgs_codec.codec.side_information import WEIGHT_FRACTION_BITS
+from dfcgs_codec.codec.columns.side_information import WEIGHT_FRACTION_BITS
 from dfcgs_codec.model.context_model import CONTROL_WEIGHTS
 from training.prior import tables
 from training.prior.export import Arrays, integer_classes, network_arrays

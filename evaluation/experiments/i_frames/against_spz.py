@@ -21,14 +21,14 @@ from dfcgs_codec import GaussianCloud
 from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.dpb import SH_BANDS, output
-from dfcgs_codec.codec.gof_state import GofSetup
-from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.frame_coding import CodedFrame, IntraTask, code_intra_frame
-from dfcgs_codec.encoder.intra_plan import IntraPlan
-from dfcgs_codec.encoder.rate_control import Quantisation
-from dfcgs_codec.encoder.report import attribute_errors
-from dfcgs_codec.encoder.targets import Targets, ordered
+from dfcgs_codec.codec.frame.gof_state import GofSetup
+from dfcgs_codec.codec.state.planes import SH_BANDS, output
+from dfcgs_codec.encoder.frame.frame_coding import CodedFrame, IntraTask, code_intra_frame
+from dfcgs_codec.encoder.frame.report import attribute_errors
+from dfcgs_codec.encoder.frame.targets import Targets, ordered
+from dfcgs_codec.encoder.intra.intra_plan import IntraPlan
+from dfcgs_codec.encoder.matching.canonical import choose_axis_names
+from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
 from dfcgs_codec.ply import read_ply
 from evaluation.baselines import spz
 from lab.assets import find_asset, has_asset

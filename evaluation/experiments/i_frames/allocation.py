@@ -19,7 +19,7 @@ import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
 from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, encode_sequence, probe
-from dfcgs_codec.encoder.rate_control import (
+from dfcgs_codec.encoder.plan.quantiser_steps import (
     FINE_POSITION_QP_PER_OCTAVE,
     QP_PER_OCTAVE,
     REFERENCE_QP,

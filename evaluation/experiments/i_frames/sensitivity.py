@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.encoder.rate_control import REFERENCE_STEPS, typical_size
+from dfcgs_codec.encoder.plan.quantiser_steps import REFERENCE_STEPS, typical_size
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.quality import frame_quality, image
 from lab.scenes import rotations

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from dfcgs_codec import EncoderOptions, GaussianCloud
-from dfcgs_codec.encoder.tuning import RefinementMode
+from dfcgs_codec.encoder.plan.tuning import RefinementMode
 from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.model.registry import load_model, register
 from evaluation.experiments.paper.profile import NUM_FRAMES, PAPER, QP, measure

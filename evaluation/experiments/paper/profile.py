@@ -19,7 +19,7 @@ from typing import Any
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import IntraKind, Profile
-from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
+from dfcgs_codec.encoder.plan.tuning import MotionMode, RefinementMode
 from lab.assets import find_asset, present
 from lab.quality import Image, Pool, frame_quality, image, psnr
 from lab.record import known_results, write_result

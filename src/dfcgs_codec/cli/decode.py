@@ -12,9 +12,9 @@ from dfcgs_codec.cli.outputs import output_folder
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.cli.refusal import StreamFile, refused_by_name
 from dfcgs_codec.cli.values import frame_range, memory_size
-from dfcgs_codec.codec.decoder import DecodedFrame, SequenceDecoder
-from dfcgs_codec.codec.limits import DecoderLimits
-from dfcgs_codec.codec.salvage import salvage
+from dfcgs_codec.codec.frame.decoder import DecodedFrame, SequenceDecoder
+from dfcgs_codec.codec.frame.limits import DecoderLimits
+from dfcgs_codec.codec.frame.salvage import salvage
 from dfcgs_codec.errors import CorruptBitstream, InputError
 from dfcgs_codec.files import FRAME_NAME, begin_sync, named, replace_folder_when_whole
 from dfcgs_codec.ply import write_ply

@@ -19,9 +19,9 @@ from dfcgs_codec.cli.outputs import output_file
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.cli.refusal import note_of_limits
 from dfcgs_codec.cli.views import views_beside, views_named, views_note
-from dfcgs_codec.encoder.options import EncoderOptions
-from dfcgs_codec.encoder.rate_control import BOUND_UNITS
-from dfcgs_codec.encoder.report import EncodeReport
+from dfcgs_codec.encoder.frame.report import EncodeReport
+from dfcgs_codec.encoder.plan.options import EncoderOptions
+from dfcgs_codec.encoder.plan.quantiser_steps import BOUND_UNITS
 from dfcgs_codec.errors import InputError, VerificationError
 from dfcgs_codec.files import check_file_target
 from dfcgs_codec.frames.typed import check_arguments

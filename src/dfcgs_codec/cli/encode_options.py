@@ -7,7 +7,7 @@ import click
 from dfcgs_codec.bitstream.constants import OutputOrder, Profile
 from dfcgs_codec.cli import values as parse
 from dfcgs_codec.cli.groups import MORE
-from dfcgs_codec.encoder.rate_control import BOUND_UNITS, QUALITIES
+from dfcgs_codec.encoder.plan.quantiser_steps import BOUND_UNITS, QUALITIES
 from dfcgs_codec.sequence import DEFAULT_PATTERN
 from dfcgs_codec.views.region import DEFAULT_MARGIN
 

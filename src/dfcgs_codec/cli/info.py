@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from dfcgs_codec.cli.refusal import StreamFile, refused_by_name
-from dfcgs_codec.codec.probe import SequenceInfo, probe
+from dfcgs_codec.codec.frame.probe import SequenceInfo, probe
 
 _EPILOG = """
 \b

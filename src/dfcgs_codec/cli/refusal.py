@@ -10,8 +10,8 @@ from typing import Any
 import click
 
 from dfcgs_codec.bitstream.container import ContainerReader
-from dfcgs_codec.codec.chunk_search import ChunkSearch
-from dfcgs_codec.codec.needs import beyond_default_limits
+from dfcgs_codec.codec.frame.chunk_search import ChunkSearch
+from dfcgs_codec.codec.frame.needs import beyond_default_limits
 from dfcgs_codec.errors import (
     BitstreamError,
     CorruptBitstream,

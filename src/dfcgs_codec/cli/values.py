@@ -7,7 +7,7 @@ from fractions import Fraction
 import click
 
 from dfcgs_codec.arguments import rate
-from dfcgs_codec.encoder.rate_control import QUALITIES, Bound
+from dfcgs_codec.encoder.plan.quantiser_steps import QUALITIES, Bound
 
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 

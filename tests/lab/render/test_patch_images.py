@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("numba", reason="the renderer is compiled by numba, from the eval extra")
 
-from dfcgs_codec.encoder.patches import patches_of_views
-from dfcgs_codec.encoder.seen import largest_weights
-from dfcgs_codec.encoder.splats import Splats
+from dfcgs_codec.encoder.images.patches import patches_of_views
+from dfcgs_codec.encoder.images.seen import largest_weights
+from dfcgs_codec.encoder.images.splats import Splats
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.views.camera import ViewCamera
 from lab.quality import Image, image

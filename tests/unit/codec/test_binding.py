@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dfcgs_codec.codec.binding import BLEND, Binding, blend, efforts_of
-from dfcgs_codec.encoder.motion_estimation import chosen_moves
+from dfcgs_codec.codec.motion.followers import BLEND, Binding, blend, efforts_of
+from dfcgs_codec.encoder.motion.motion_estimation import chosen_moves
 from dfcgs_codec.transform.control_points import Gathering
 from dfcgs_codec.transform.rigid import RigidMotion
 

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
-from dfcgs_codec.codec.column import (
+from dfcgs_codec.codec.columns.coder import ColumnFacts, SymbolCoder
+from dfcgs_codec.codec.columns.column import (
     Column,
     ColumnGoal,
     Earlier,
@@ -17,12 +18,11 @@ from dfcgs_codec.codec.column import (
     scaled_symbols,
     weighted_sum,
 )
-from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.codec.symbols import ColumnFacts, SymbolCoder
-from dfcgs_codec.encoder.analysis import ZeroBin
-from dfcgs_codec.encoder.column_evidence import ResidualsInSteps
-from dfcgs_codec.encoder.intra_plan import ColumnQuantiser
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.codec.columns.reader import SymbolReader
+from dfcgs_codec.encoder.columns.column_evidence import ResidualsInSteps
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
+from dfcgs_codec.encoder.intra.intra_plan import ColumnQuantiser
+from dfcgs_codec.encoder.residual.quantise import ZeroBin
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.lod import LevelsOfDetail, build_levels, order_levels
 from tests.helpers import check_walk

@@ -8,11 +8,11 @@ import pytest
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
-from dfcgs_codec.codec.compensation import GofMotion, turned
-from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.motion import MotionSymbols
-from dfcgs_codec.codec.motion_field import level_starts
-from dfcgs_codec.encoder.block_classes import classify_modes
+from dfcgs_codec.codec.motion.compensation import GofMotion, turned
+from dfcgs_codec.codec.motion.field import level_starts
+from dfcgs_codec.codec.motion.walk import MotionSymbols
+from dfcgs_codec.codec.state.planes import FrameState, Plane
+from dfcgs_codec.encoder.residual.block_classes import classify_modes
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.rotation import ONE, from_float
 from lab.small_clouds import make_cloud

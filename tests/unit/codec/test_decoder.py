@@ -15,7 +15,7 @@ from dfcgs_codec import EncoderOptions, decode_sequence
 from dfcgs_codec.bitstream.constants import ChunkType, IntraKind
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
-from dfcgs_codec.codec.decoder import SequenceDecoder
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
 from dfcgs_codec.errors import (
     BitstreamError,
     CorruptBitstream,

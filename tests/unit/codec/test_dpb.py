@@ -9,8 +9,8 @@ import pytest
 
 from dfcgs_codec.bitstream.constants import FRAME_HASH_BYTES, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.dpb import FrameState, Plane, output, sh_bands, sh_rest_of_bands
-from dfcgs_codec.codec.verbatim import state_of
+from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.codec.state.planes import FrameState, Plane, output, sh_bands, sh_rest_of_bands
 from dfcgs_codec.transform.companding import expand
 from lab.small_clouds import make_cloud, same_cloud
 

@@ -6,7 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.codec.activity import (
+from dfcgs_codec.codec.columns.magnitudes import row_sums
+from dfcgs_codec.codec.columns.reader import SymbolReader
+from dfcgs_codec.codec.residual.classes import (
     BLOCK_LOG2,
     DENSE,
     NUM_MAGNITUDES,
@@ -15,13 +17,11 @@ from dfcgs_codec.codec.activity import (
     nonzero_rows,
     num_blocks,
     num_inter_columns,
-    row_sums,
 )
-from dfcgs_codec.codec.inter import InterShape, Prior, code_inter
-from dfcgs_codec.codec.residual_context import gaussian_inputs
-from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.encoder.block_classes import classify_blocks
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.codec.residual.inputs import gaussian_inputs
+from dfcgs_codec.codec.residual.walk import InterShape, Prior, code_inter
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
+from dfcgs_codec.encoder.residual.block_classes import classify_blocks
 from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
 from dfcgs_codec.transform.lod import GofLevels
 from lab.small_clouds import make_cloud

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from dfcgs_codec.bitstream.constants import MAX_COARSE_LOG2, MAX_THIN_OCTAVES, STATE_LIMIT, Attribute
-from dfcgs_codec.codec.dpb import FrameState
-from dfcgs_codec.codec.intra import MAX_COVER, IntraShape, code_intra
-from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.intra_plan import IntraPlan, IntraTarget, steps_in_intra_frame
-from dfcgs_codec.encoder.rate_control import Bound, plan_quantisation
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.codec.columns.reader import SymbolReader
+from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.codec.intra.walk import MAX_COVER, IntraShape, code_intra
+from dfcgs_codec.codec.state.planes import FrameState
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
+from dfcgs_codec.encoder.intra.intra_plan import IntraPlan, IntraTarget, steps_in_intra_frame
+from dfcgs_codec.encoder.matching.canonical import choose_axis_names
+from dfcgs_codec.encoder.plan.quantiser_steps import Bound, plan_quantisation
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.companding import thin_octaves

@@ -9,19 +9,19 @@ from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps
 from dfcgs_codec.bitstream.motion_header import LatentHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.compensation import ControlSource
-from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.latent_motion import (
+from dfcgs_codec.codec.columns.reader import SymbolReader
+from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.codec.motion.compensation import ControlSource
+from dfcgs_codec.codec.paper.latent_motion import (
     LatentReference,
     appearance_of,
     code_hyper,
     code_latents,
     spread_over,
 )
-from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.codec.state.planes import FrameState, Plane
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
 from dfcgs_codec.model.latent_model import LatentModel, latents_of
 from dfcgs_codec.transform.rotation import ONE, from_float, normalise
 from lab.small_clouds import make_cloud

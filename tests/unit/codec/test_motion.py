@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dfcgs_codec.codec.control_context import ControlPrior
-from dfcgs_codec.codec.motion import (
+from dfcgs_codec.codec.columns.reader import SymbolReader
+from dfcgs_codec.codec.motion.control_points import ControlPrior
+from dfcgs_codec.codec.motion.walk import (
     FOLLOW,
     MIXED,
     STILL,
@@ -12,9 +13,8 @@ from dfcgs_codec.codec.motion import (
     MotionSymbols,
     code_motion,
 )
-from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.encoder.block_classes import classify_modes
-from dfcgs_codec.encoder.streams import Streams
+from dfcgs_codec.encoder.columns.streams import Streams
+from dfcgs_codec.encoder.residual.block_classes import classify_modes
 from dfcgs_codec.model.context_model import NUM_CONTROL_COMMON
 from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
 

@@ -10,9 +10,9 @@ from hypothesis.extra import numpy as hnp
 
 from dfcgs_codec.bitstream.constants import MAX_SORT_SHIFT, STATE_LIMIT
 from dfcgs_codec.bitstream.frame_headers import SortGrid
-from dfcgs_codec.codec.position_tree import code_positions
-from dfcgs_codec.codec.symbols import SymbolCoder
-from dfcgs_codec.encoder.analysis import order_of, plan_grid
+from dfcgs_codec.codec.columns.coder import SymbolCoder
+from dfcgs_codec.codec.intra.positions import code_positions
+from dfcgs_codec.encoder.residual.quantise import order_of, plan_grid
 from lab.small_clouds import coincident_cloud, make_cloud, with_outliers
 from tests.helpers import check_walk
 

@@ -5,11 +5,11 @@ import pytest
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.activity import AttributeActivity, InterSymbols
-from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.reconstruct import reconstruct_inter
-from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder.block_classes import classify_blocks
+from dfcgs_codec.codec.frame.reconstruct import reconstruct_inter
+from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.codec.residual.classes import AttributeActivity, InterSymbols
+from dfcgs_codec.codec.state.planes import FrameState, Plane
+from dfcgs_codec.encoder.residual.block_classes import classify_blocks
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.rotation import ONE
 from lab.small_clouds import make_cloud

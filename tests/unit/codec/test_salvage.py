@@ -13,7 +13,7 @@ from dfcgs_codec.bitstream.container import ContainerReader, write_chunk
 from dfcgs_codec.bitstream.frame_headers import IntraHeader
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
-from dfcgs_codec.codec.salvage import salvage
+from dfcgs_codec.codec.frame.salvage import salvage
 from dfcgs_codec.errors import CorruptBitstream, NotADgsFile, TruncatedBitstream
 from lab.chunks import split_chunks
 from lab.small_clouds import all_changing, make_cloud

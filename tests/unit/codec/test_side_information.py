@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
-from dfcgs_codec.codec.side_information import (
+from dfcgs_codec.codec.columns.side_information import (
     ABSENT_LEVEL,
     code_signed,
     code_tables,

@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.codec.turns import TurnWalk
-from dfcgs_codec.encoder.canonical import AxisNames
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
-from dfcgs_codec.encoder.turn_choice import TurnChooser, settled_names
+from dfcgs_codec.codec.columns.reader import SymbolReader
+from dfcgs_codec.codec.intra.turns import TurnWalk
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
+from dfcgs_codec.encoder.intra.turn_choice import TurnChooser, settled_names
+from dfcgs_codec.encoder.matching.canonical import AxisNames
 from dfcgs_codec.transform.lod import build_levels
 from dfcgs_codec.transform.rotation import ONE, from_float, multiply, normalise
 

@@ -11,16 +11,16 @@ from hypothesis.extra import numpy as hnp
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import coded_attributes
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.dpb import verbatim_columns
-from dfcgs_codec.codec.symbols import SymbolCoder
-from dfcgs_codec.codec.verbatim import (
+from dfcgs_codec.codec.columns.coder import SymbolCoder
+from dfcgs_codec.codec.intra.verbatim import (
     VerbatimSymbols,
     cloud_of_columns,
     code_float_column,
     code_verbatim,
     state_of,
 )
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.codec.state.planes import verbatim_columns
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
 from lab.small_clouds import make_cloud, real_cloud, same_cloud
 from tests.helpers import check_walk
 

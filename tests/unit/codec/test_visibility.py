@@ -5,9 +5,9 @@ import pytest
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.dpb import FrameState, Plane, output
-from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.codec.visibility import MULTIPLIERS, Visibility
+from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.codec.state.planes import FrameState, Plane, output
+from dfcgs_codec.codec.state.visibility import MULTIPLIERS, Visibility
 from lab.small_clouds import make_cloud
 
 UNITS = UnitExponents(-12, -12, -12, -12)

@@ -10,17 +10,17 @@ from hypothesis.extra import numpy as hnp
 
 from dfcgs_codec.bitstream.constants import MAX_SORT_BITS, STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.dpb import FrameState, Plane, output
-from dfcgs_codec.codec.reconstruct import reconstruct_inter
-from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder.analysis import (
+from dfcgs_codec.codec.frame.reconstruct import reconstruct_inter
+from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.codec.state.planes import FrameState, Plane, output
+from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
+from dfcgs_codec.encoder.residual.quantise import (
     ResidualQuantiser,
     ZeroBin,
     inter_symbols,
     order_of,
     plan_grid,
 )
-from dfcgs_codec.encoder.rate_control import Quantisation
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.small_clouds import coincident_cloud, make_cloud, with_outliers
 from tests.helpers import rotation_degrees

@@ -9,14 +9,20 @@ import pytest
 
 from dfcgs_codec import encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.encoder.balance import Quantised, balanced_octaves, bits_per_octave, no_worse, total_error
-from dfcgs_codec.encoder.patches import patches_nearby
-from dfcgs_codec.encoder.plan import SequencePlan
-from dfcgs_codec.encoder.planning import plan_sequence
-from dfcgs_codec.encoder.rate_control import Bound, plan_quantisation
-from dfcgs_codec.encoder.sensitivity import ImageError, image_errors
-from dfcgs_codec.encoder.splats import Splats
-from dfcgs_codec.encoder.targets import Targets
+from dfcgs_codec.encoder.frame.targets import Targets
+from dfcgs_codec.encoder.images.balance import (
+    Quantised,
+    balanced_octaves,
+    bits_per_octave,
+    no_worse,
+    total_error,
+)
+from dfcgs_codec.encoder.images.patches import patches_nearby
+from dfcgs_codec.encoder.images.sensitivity import ImageError, image_errors
+from dfcgs_codec.encoder.images.splats import Splats
+from dfcgs_codec.encoder.plan.plan import SequencePlan
+from dfcgs_codec.encoder.plan.planning import plan_sequence
+from dfcgs_codec.encoder.plan.quantiser_steps import Bound, plan_quantisation
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import MemorySource
 from lab.options import encoder_options

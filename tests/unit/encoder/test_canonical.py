@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.dpb import FrameState, Plane, output
-from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder.canonical import choose_axis_names
+from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.codec.state.planes import FrameState, Plane, output
+from dfcgs_codec.encoder.matching.canonical import choose_axis_names
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.small_clouds import make_cloud
 from tests.helpers import covariances, rotation_degrees, shape_errors

@@ -7,7 +7,7 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, encode_sequence
 from dfcgs_codec.bitstream.constants import OutputOrder
-from dfcgs_codec.encoder.planning import plan_sequence
+from dfcgs_codec.encoder.plan.planning import plan_sequence
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.model.registry import DEFAULT_PRIOR
 from dfcgs_codec.ply import PlyHeader

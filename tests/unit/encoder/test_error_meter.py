@@ -6,11 +6,11 @@ import numpy as np
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.encoder.canonical import choose_axis_names
-from dfcgs_codec.encoder.error_meter import ErrorMeter
-from dfcgs_codec.encoder.identity import Members
-from dfcgs_codec.encoder.targets import Targets
+from dfcgs_codec.codec.state.planes import FrameState, Plane
+from dfcgs_codec.encoder.frame.error_meter import ErrorMeter
+from dfcgs_codec.encoder.frame.targets import Targets
+from dfcgs_codec.encoder.matching.canonical import choose_axis_names
+from dfcgs_codec.encoder.matching.identity import Members
 from lab.small_clouds import make_cloud
 
 UNITS = UnitExponents(-12, -14, -14, -14)

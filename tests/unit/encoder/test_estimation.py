@@ -5,12 +5,12 @@ import itertools
 import numpy as np
 import pytest
 
-from dfcgs_codec.codec.side_information import (
+from dfcgs_codec.codec.columns.side_information import (
     ABSENT_LEVEL,
     code_tables,
     frequencies_from_levels,
 )
-from dfcgs_codec.encoder.estimation import (
+from dfcgs_codec.encoder.columns.side_information import (
     fit_histogram_levels,
     fit_split_bias,
     fit_tables,

@@ -9,12 +9,12 @@ import pytest
 
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
 from dfcgs_codec.bitstream.container import ContainerWriter
-from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.encoder import inter_coding
-from dfcgs_codec.encoder import segment as segment_module
-from dfcgs_codec.encoder.frame_coding import CodedFrame
-from dfcgs_codec.encoder.planning import plan_sequence
-from dfcgs_codec.encoder.segment import SegmentEncoder
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
+from dfcgs_codec.encoder.frame import segment as segment_module
+from dfcgs_codec.encoder.frame.frame_coding import CodedFrame
+from dfcgs_codec.encoder.frame.segment import SegmentEncoder
+from dfcgs_codec.encoder.plan.planning import plan_sequence
+from dfcgs_codec.encoder.residual import inter_coding
 from dfcgs_codec.sequence import MemorySource
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, drifting, make_cloud

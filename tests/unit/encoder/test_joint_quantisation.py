@@ -5,11 +5,11 @@ import pytest
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.encoder.intra_plan import IntraPlan
-from dfcgs_codec.encoder.joint_quantisation import opacities_beside
-from dfcgs_codec.encoder.rate_control import Bound, plan_quantisation
-from dfcgs_codec.encoder.splats import alpha_of
-from dfcgs_codec.encoder.targets import Targets
+from dfcgs_codec.encoder.frame.targets import Targets
+from dfcgs_codec.encoder.images.joint_quantisation import opacities_beside
+from dfcgs_codec.encoder.images.splats import alpha_of
+from dfcgs_codec.encoder.intra.intra_plan import IntraPlan
+from dfcgs_codec.encoder.plan.quantiser_steps import Bound, plan_quantisation
 from dfcgs_codec.transform.companding import compress, expand
 from lab.small_clouds import real_cloud
 

@@ -11,13 +11,13 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, InputError, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, Profile
-from dfcgs_codec.codec.decoder import SequenceDecoder
-from dfcgs_codec.codec.dpb import FrameState, Plane
-from dfcgs_codec.codec.latent_motion import LatentReference
-from dfcgs_codec.encoder.latent_coding import frequency_encoding
-from dfcgs_codec.encoder.rate_control import Bound
-from dfcgs_codec.encoder.report import EncodeReport
-from dfcgs_codec.encoder.tuning import MotionMode, RefinementMode
+from dfcgs_codec.codec.frame.decoder import SequenceDecoder
+from dfcgs_codec.codec.paper.latent_motion import LatentReference
+from dfcgs_codec.codec.state.planes import FrameState, Plane
+from dfcgs_codec.encoder.frame.report import EncodeReport
+from dfcgs_codec.encoder.paper.latent_coding import frequency_encoding
+from dfcgs_codec.encoder.plan.quantiser_steps import Bound
+from dfcgs_codec.encoder.plan.tuning import MotionMode, RefinementMode
 from dfcgs_codec.errors import CorruptBitstream, ModelMismatch
 from dfcgs_codec.model import registry
 from dfcgs_codec.model.registry import register

@@ -7,12 +7,11 @@ import pytest
 
 from dfcgs_codec import Bound, EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.encoder.lattice import keep_exactly, lattice_log2, lattices
-from dfcgs_codec.encoder.rate_control import plan_quantisation
+from dfcgs_codec.encoder.plan.prequantised_input import keep_exactly, lattice_log2, lattices
+from dfcgs_codec.encoder.plan.quantiser_steps import plan_quantisation
 from dfcgs_codec.sequence import MemorySource
 from lab.options import encoder_options
-from lab.small_clouds import drifting, real_cloud
-from tests.helpers import on_lattices
+from lab.small_clouds import drifting, on_lattices, real_cloud
 
 
 def found_in(

@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from dfcgs_codec.encoder.descriptors import match_bits
-from dfcgs_codec.encoder.matching import match
-from dfcgs_codec.encoder.nearest import certain_pairs, mutual, tree
+from dfcgs_codec.encoder.matching.descriptors import match_bits
+from dfcgs_codec.encoder.matching.matching import match
+from dfcgs_codec.encoder.matching.nearest import certain_pairs, mutual, tree
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.scenes import MOTIONS, SceneOptions, permuted_with_ids, trained_sequence
 from lab.small_clouds import (

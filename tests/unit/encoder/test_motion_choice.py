@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
-from dfcgs_codec.encoder.motion_judge import lasting_bits, residual_bits
-from dfcgs_codec.encoder.tuning import MotionMode
+from dfcgs_codec.encoder.motion.motion_judge import lasting_bits, residual_bits
+from dfcgs_codec.encoder.plan.tuning import MotionMode
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, make_cloud, real_cloud, still, travelling, waving
 

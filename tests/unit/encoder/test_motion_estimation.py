@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dfcgs_codec.codec.binding import BLEND, Binding
-from dfcgs_codec.encoder.motion_estimation import measure
+from dfcgs_codec.codec.motion.followers import BLEND, Binding
+from dfcgs_codec.encoder.motion.motion_estimation import measure
 from dfcgs_codec.transform.control_points import GATHER_WEIGHT_BITS, Gathering
 
 POINTS = 30

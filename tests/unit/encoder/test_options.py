@@ -8,8 +8,8 @@ import pytest
 
 from dfcgs_codec import Bound, EncoderOptions, EncoderTuning
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
-from dfcgs_codec.encoder.rate_control import REFERENCE_STEPS
-from dfcgs_codec.encoder.tuning import MotionMode
+from dfcgs_codec.encoder.plan.quantiser_steps import REFERENCE_STEPS
+from dfcgs_codec.encoder.plan.tuning import MotionMode
 from dfcgs_codec.errors import InputError
 from lab.options import encoder_options
 

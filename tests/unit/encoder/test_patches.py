@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dfcgs_codec.encoder.patches import PATCHES, Patch, patches_nearby, patches_of_views
-from dfcgs_codec.encoder.splats import Splats
+from dfcgs_codec.encoder.images.patches import PATCHES, Patch, patches_nearby, patches_of_views
+from dfcgs_codec.encoder.images.splats import Splats
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.small_clouds import coincident_cloud, joined, make_cloud, real_cloud, with_outliers
 from lab.small_room import NUM_WALLS, gaussians, inside, looking, room, viewers

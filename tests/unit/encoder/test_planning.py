@@ -11,10 +11,10 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence, probe
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.encoder.patches import patches_nearby, patches_of_views
-from dfcgs_codec.encoder.plan import SequencePlan
-from dfcgs_codec.encoder.planning import _better_qp, aimed_at, plan_sequence
-from dfcgs_codec.encoder.splats import Splats
+from dfcgs_codec.encoder.images.patches import patches_nearby, patches_of_views
+from dfcgs_codec.encoder.images.splats import Splats
+from dfcgs_codec.encoder.plan.plan import SequencePlan
+from dfcgs_codec.encoder.plan.planning import _better_qp, aimed_at, plan_sequence
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.views.camera import ViewCamera, Views

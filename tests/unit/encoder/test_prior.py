@@ -11,7 +11,7 @@ import pytest
 
 from dfcgs_codec import GaussianCloud, decode_sequence, encode_sequence
 from dfcgs_codec.bitstream.constants import Profile
-from dfcgs_codec.codec.activity import AttributeActivity
+from dfcgs_codec.codec.residual.classes import AttributeActivity
 from dfcgs_codec.errors import ModelMismatch
 from dfcgs_codec.model import registry
 from lab.options import encoder_options

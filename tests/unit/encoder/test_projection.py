@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dfcgs_codec.encoder.projection import BLUR, project
-from dfcgs_codec.encoder.splats import Splats
+from dfcgs_codec.encoder.images.projection import BLUR, project
+from dfcgs_codec.encoder.images.splats import Splats
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.views.camera import ViewCamera
 from lab.small_clouds import make_cloud

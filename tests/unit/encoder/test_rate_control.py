@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
-from dfcgs_codec.encoder.rate_control import (
+from dfcgs_codec.encoder.plan.quantiser_steps import (
     BOUND_UNITS,
     MAX_PSNR,
     MAX_QP,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dfcgs_codec import Bound
-from dfcgs_codec.encoder.report import EncodeReport, ErrorStatistics, FrameRecord, attribute_errors
+from dfcgs_codec.encoder.frame.report import EncodeReport, ErrorStatistics, FrameRecord, attribute_errors
 from dfcgs_codec.errors import InputError
 from lab.small_clouds import make_cloud
 from tests.helpers import alphas, rotation_degrees

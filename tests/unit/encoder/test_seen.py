@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dfcgs_codec.encoder.seen import largest_weights
-from dfcgs_codec.encoder.splats import Splats
+from dfcgs_codec.encoder.images.seen import largest_weights
+from dfcgs_codec.encoder.images.splats import Splats
 from lab.small_clouds import joined, make_cloud
 from lab.small_room import NUM_WALLS, gaussians, looking, room, viewers
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dfcgs_codec import EncoderOptions, GaussianCloud
-from dfcgs_codec.encoder.planning import plan_sequence
-from dfcgs_codec.encoder.segment import CodedSegment, SegmentEncoder
+from dfcgs_codec.encoder.frame.segment import CodedSegment, SegmentEncoder
+from dfcgs_codec.encoder.plan.planning import plan_sequence
 from dfcgs_codec.sequence import MemorySource
 from lab.small_clouds import all_changing, drifting, make_cloud, shuffled, still, untracked
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dfcgs_codec.encoder.patches import patches_of_views
-from dfcgs_codec.encoder.shown import ALL, Region, Seen, Shown, error_without, least_weight
-from dfcgs_codec.encoder.splats import Splats
+from dfcgs_codec.encoder.images.patches import patches_of_views
+from dfcgs_codec.encoder.images.shown import ALL, Region, Seen, Shown, error_without, least_weight
+from dfcgs_codec.encoder.images.splats import Splats
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.views.camera import Views
 from lab.small_clouds import make_cloud, same_cloud

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dfcgs_codec.encoder.splats import extent, harmonics, rotation_matrices
+from dfcgs_codec.encoder.images.splats import extent, harmonics, rotation_matrices
 
 
 def test_harmonics_are_orthonormal() -> None:

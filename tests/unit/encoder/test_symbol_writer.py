@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dfcgs_codec.codec.symbol_reader import SymbolReader
-from dfcgs_codec.encoder.symbol_writer import SymbolWriter
+from dfcgs_codec.codec.columns.reader import SymbolReader
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
 from dfcgs_codec.errors import CorruptBitstream
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.verbatim import state_of
-from dfcgs_codec.encoder.targets import Targets, ordered
+from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.encoder.frame.targets import Targets, ordered
 from lab.small_clouds import make_cloud
 
 UNITS = UnitExponents(-10, -12, -12, -14)

@@ -5,10 +5,10 @@ from itertools import product
 import numpy as np
 import pytest
 
-from dfcgs_codec.encoder import trellis_search
-from dfcgs_codec.encoder.analysis import ZeroBin
-from dfcgs_codec.encoder.intra_plan import ColumnQuantiser
-from dfcgs_codec.encoder.trellis_search import context_sizes, search
+from dfcgs_codec.encoder.intra import trellis_search
+from dfcgs_codec.encoder.intra.intra_plan import ColumnQuantiser
+from dfcgs_codec.encoder.intra.trellis_search import context_sizes, search
+from dfcgs_codec.encoder.residual.quantise import ZeroBin
 from dfcgs_codec.transform.trellis import CHAIN_LENGTH, FEWEST_SYMBOLS, second_quantisers
 
 

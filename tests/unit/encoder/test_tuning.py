@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from dfcgs_codec import EncoderOptions, EncoderTuning
-from dfcgs_codec.encoder import options, tuning
+from dfcgs_codec.encoder.plan import options, tuning
 
-FOLDER = Path(tuning.__file__).parent
+FOLDER = Path(tuning.__file__).parents[1]
 
 
 def documented(module: Path, name: str) -> set[str]:

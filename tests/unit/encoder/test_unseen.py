@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dfcgs_codec import GaussianCloud, decode_sequence, encode_sequence, probe
-from dfcgs_codec.encoder.report import EncodeReport
+from dfcgs_codec.encoder.frame.report import EncodeReport
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, same_cloud, shuffled, succeeding
 from lab.small_room import NUM_WALLS, behind, inside, room, viewers

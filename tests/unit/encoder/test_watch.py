@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dfcgs_codec.encoder.watch import summed_errors
+from dfcgs_codec.encoder.images.watch import summed_errors
 
 
 def test_one_patch_alone_does_not_make_a_frame_worse() -> None:

@@ -134,7 +134,7 @@ def test_sums_of_the_package_s_prior_are_exact() -> None:
 
 @given(st.integers(0, 1 << 40))
 def test_logarithms_are_those_of_the_text(value: int) -> None:
-    from dfcgs_codec.codec.residual_context import log_of
+    from dfcgs_codec.codec.columns.magnitudes import log_of
 
     limited = min(value, (1 << 24) - 1)
     bits = limited.bit_length()

@@ -14,10 +14,10 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from queue import SimpleQueue
 from typing import Any
 
+from dfcgs_codec.encoder.frame.reference import CodedSegment
 from dfcgs_codec.encoder.parallel.messages import Refused, Setup
 from dfcgs_codec.encoder.parallel.process import Worker, WorkerEnded, interpreter
-from dfcgs_codec.encoder.plan import SequencePlan
-from dfcgs_codec.encoder.reference import CodedSegment
+from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.sequence import FrameSource
 

@@ -10,7 +10,7 @@ import pickle
 from dataclasses import dataclass
 from typing import Any, BinaryIO
 
-from dfcgs_codec.encoder.plan import SequencePlan
+from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.sequence import FrameSource
 
 #: variables that say how many threads numpy's BLAS uses; more than one each would fight over the cores

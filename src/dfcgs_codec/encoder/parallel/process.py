@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO
 
+from dfcgs_codec.encoder.frame.reference import CodedSegment
 from dfcgs_codec.encoder.parallel.messages import BLAS_VARIABLES, receive, send
-from dfcgs_codec.encoder.reference import CodedSegment
 
 #: the worker finds what this process can import, and runs nothing of its main module
 _BOOT = (

@@ -12,8 +12,8 @@ import traceback
 from contextlib import suppress
 from typing import Any, BinaryIO
 
+from dfcgs_codec.encoder.frame.segment import SegmentEncoder
 from dfcgs_codec.encoder.parallel.messages import Ready, Refused, Setup, portable, receive, send
-from dfcgs_codec.encoder.segment import SegmentEncoder
 from dfcgs_codec.errors import DfcgsError
 
 #: those of a terminal reach all its processes: they are the encoder's to handle, it ends its workers

@@ -1,0 +1,136 @@
+"""Decoding: chunks to frames, with checksums and hashes checked (spec sections 3 to 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from typing import BinaryIO
+
+from dfcgs_codec.bitstream.comments import PlyComments
+from dfcgs_codec.bitstream.constants import ChunkType, Profile
+from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
+from dfcgs_codec.bitstream.frame_headers import coded_attributes
+from dfcgs_codec.bitstream.sequence_header import SequenceHeader
+from dfcgs_codec.codec.frame.gof_decoder import GofDecoder
+from dfcgs_codec.codec.frame.limits import Budget, DecoderLimits
+from dfcgs_codec.codec.state.planes import FrameState, output
+from dfcgs_codec.errors import BitstreamError, CorruptBitstream, ModelMismatch
+from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.model.context_model import ContextModel
+from dfcgs_codec.model.latent_model import LatentModel
+from dfcgs_codec.model.registry import model_of_stream
+
+#: chunks that stand behind others that announce them
+_PARTS = (
+    ChunkType.SEQUENCE_HEADER,
+    ChunkType.HYPERPRIOR,
+    ChunkType.TOPOLOGY,
+    ChunkType.MOTION,
+    ChunkType.RESIDUAL,
+    ChunkType.ESCAPES,
+)
+
+
+def _model_of(sequence: SequenceHeader) -> LatentModel | ContextModel:
+    """The model that the sequence needs; ModelMismatch where another is installed, or none."""
+    model = model_of_stream(sequence.model_id, sequence.model_hash)
+    wanted = ContextModel if sequence.profile == Profile.MAIN else LatentModel
+    if not isinstance(model, wanted):
+        raise ModelMismatch(f"model {sequence.model_id!r} is not one of profile {sequence.profile.name}")
+    return model
+
+
+@dataclass(frozen=True)
+class DecodedFrame:
+    """One decoded frame: its place in the sequence, the number in its file name, its state.
+
+    `comments`: those of the input's PLY files that the sequence keeps, as they were.
+    """
+
+    index: int
+    number: int
+    state: FrameState
+    sequence: SequenceHeader
+    comments: tuple[bytes, ...] = ()
+
+    def cloud(self) -> GaussianCloud:
+        """The frame's float32 values, in output order."""
+        return output(self.state, self.sequence.unit_exponents)
+
+
+class SequenceDecoder:
+    """Decodes a `.dgs` file; needs the file alone; refuses what exceeds `limits` with ResourceLimit."""
+
+    def __init__(self, file: BinaryIO, *, check: bool = True, limits: DecoderLimits | None = None) -> None:
+        self.container = ContainerReader(file)
+        self.sequence = self.container.sequence
+        self._check = check
+        self._numbers = self.sequence.frame_numbers.expand()
+        self._model = _model_of(self.sequence)
+        attributes = coded_attributes(self.sequence.sh_degree)
+        self._budget = Budget(limits or DecoderLimits(), attributes)
+
+    @cached_property
+    def comments(self) -> tuple[bytes, ...]:
+        """Comments of the input's PLY files that the file keeps, without the word, as they were."""
+        found: list[bytes] = []
+        # what is damaged here is told where frames are decoded
+        with suppress(BitstreamError):
+            for head in self.container.chunks():
+                if not head.is_ancillary:
+                    break
+                if head.chunk_type == ChunkType.PLY_COMMENTS:
+                    found += PlyComments.read(self.container.payload(head)).lines
+        return tuple(found)
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[DecodedFrame]:
+        """Frames start..stop - 1 as far as there are, decoding from the GoF that holds `start`."""
+        stop = self.sequence.num_frames if stop is None else min(stop, self.sequence.num_frames)
+        if start < 0 or stop < 0:
+            raise ValueError(f"frames {start}:{stop}: frames are counted from 0")
+        if start >= stop:
+            return
+        expected, offset = 0, None
+        if start > 0 or stop < self.sequence.num_frames:
+            entry = [e for e in self.container.index().entries if e.first_frame <= start][-1]
+            expected, offset = entry.first_frame, entry.offset
+        for frame in self.gof_frames(self.container.chunks(offset)):
+            if frame.index != expected:
+                raise CorruptBitstream(f"frame {expected} is missing")
+            expected = frame.index + 1
+            if frame.index >= start:
+                yield frame
+            if expected == stop and stop < self.sequence.num_frames:
+                return
+        if expected != self.sequence.num_frames:
+            raise CorruptBitstream("fewer frames than the header says")
+
+    def gof_frames(self, chunks: Iterator[ChunkHead]) -> Iterator[DecodedFrame]:
+        """The frames whose chunks are given, beginning with an I-frame."""
+        gof = GofDecoder(self.container, self._check, self._model, self._budget)
+        for head in chunks:
+            if head.chunk_type in (ChunkType.INTRA_FRAME, ChunkType.INTER_FRAME):
+                if head.frame_index >= self.sequence.num_frames:
+                    raise CorruptBitstream("more frames than the header says", offset=head.offset)
+                is_intra = head.chunk_type == ChunkType.INTRA_FRAME
+                decode = gof.intra if is_intra else gof.inter
+                state = decode(head, lambda: _next(chunks))
+                number = self._numbers[head.frame_index]
+                yield DecodedFrame(head.frame_index, number, state, self.sequence, self.comments)
+            else:
+                self._side_chunk(head)
+
+    def _side_chunk(self, head: ChunkHead) -> None:
+        """Check chunks without a frame."""
+        if head.chunk_type in _PARTS:
+            raise CorruptBitstream("a chunk stands where it may not", offset=head.offset)
+        self.container.payload(head)
+
+
+def _next(chunks: Iterator[ChunkHead]) -> ChunkHead:
+    head = next(chunks, None)
+    if head is None:
+        raise CorruptBitstream("the last frame lacks its other chunks")
+    return head

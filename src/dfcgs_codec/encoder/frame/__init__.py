@@ -1,0 +1,1 @@
+"""A sequence of frames to a file: segments, GoFs, frames."""

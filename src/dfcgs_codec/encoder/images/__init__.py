@@ -1,0 +1,1 @@
+"""What errors look like: Gaussians drawn in small patches and along rays."""

@@ -1,0 +1,1 @@
+"""What an encoder chooses for I-frames."""

@@ -1,0 +1,1 @@
+"""Which Gaussian of a frame is which one of the frame before."""

@@ -1,0 +1,104 @@
+"""Which Gaussian of the input is which one of the GoF, frame after frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dfcgs_codec.encoder.frame.targets import Planes, ordered
+from dfcgs_codec.encoder.matching.canonical import AxisNames
+from dfcgs_codec.encoder.matching.matching import match
+from dfcgs_codec.gaussians import GaussianCloud
+
+Int64 = npt.NDArray[np.int64]
+Float32 = npt.NDArray[np.float32]
+
+#: with fewer survivors than this share of a frame, nothing is gained over an I-frame
+_MIN_SURVIVORS = 0.3
+
+
+@dataclass(frozen=True)
+class Members:
+    """The Gaussians of a GoF: `rows` (N,) in the input frame, in GoF order, and their axis names, or None."""
+
+    rows: Int64
+    names: AxisNames | None
+
+    def target(self, planes: Planes, before: tuple[Planes, Planes] | None = None) -> Planes:
+        """Planes of the input frame in GoF order, axes renamed.
+
+        `before`: planes of the frame before, of the same members, in the input's and in GoF order; what is
+        the same object there is the same here.
+        """
+        known = {} if before is None else {a: before[1][a] for a in planes if planes[a] is before[0][a]}
+        found = ordered({a: values for a, values in planes.items() if a not in known}, self.rows)
+        if self.names is not None:
+            found = self.names.rename(found)
+        return {a: known[a] if a in known else found[a] for a in planes}
+
+    def values(self, cloud: GaussianCloud, field: str) -> Float32:
+        """An array of the input frame in GoF order, axes renamed, to be compared with decoded values."""
+        values: Float32 = getattr(cloud, field)[self.rows]
+        if self.names is not None and field == "scales":
+            return self.names.rename_scales(values)
+        if self.names is not None and field == "rotations":
+            return self.names.rename_rotations(values)
+        return values
+
+    def merge(self, births: Members, source: Int64) -> Members:
+        """With `births`: row i of the result is row source[i] of these and those."""
+        names = None
+        if self.names is not None and births.names is not None:
+            names = self.names.merge(births.names, source)
+        return Members(np.concatenate([self.rows, births.rows])[source], names)
+
+
+@dataclass(frozen=True)
+class Succession:
+    """From frame to frame: GoF rows `kept`, ascending, the members that survive, `births` in the input.
+
+    `num_before`: how many there were.
+    """
+
+    num_before: int
+    kept: Int64
+    members: Members
+    births: Int64
+
+    @property
+    def all_survive(self) -> bool:
+        """Whether nobody goes."""
+        return len(self.kept) == self.num_before
+
+
+def same_members(members: Members) -> Succession:
+    """All go on, in the input's order of before."""
+    everyone = np.arange(len(members.rows))
+    return Succession(len(everyone), everyone, members, np.zeros(0, np.int64))
+
+
+def found_members(
+    members: Members, before: GaussianCloud, now: GaussianCloud, moved: npt.NDArray[np.float64] | None
+) -> Succession | None:
+    """Who of `members`, rows of the input frame `before`, is who in `now`; None where too few are found.
+
+    `moved` (N, 3): how far each of the members went in the frame before.
+    """
+    expected = None
+    if moved is not None:
+        expected = np.full((before.num_gaussians, 3), np.nan)
+        expected[members.rows] = moved
+    partner = match(before, now, expected)
+    if np.count_nonzero(partner >= 0) < _MIN_SURVIVORS * now.num_gaussians:
+        return None
+    successor = np.full(before.num_gaussians, -1)
+    known = np.flatnonzero(partner >= 0)
+    successor[partner[known]] = known
+    rows = successor[members.rows]
+    kept = np.flatnonzero(rows >= 0)
+    if not len(kept):
+        return None
+    names = None if members.names is None else members.names.take(kept)
+    return Succession(len(members.rows), kept, Members(rows[kept], names), np.flatnonzero(partner < 0))

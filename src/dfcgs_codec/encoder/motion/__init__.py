@@ -1,0 +1,1 @@
+"""Which motion a P-frame gets."""

@@ -1,0 +1,1 @@
+"""P-frames of profile PAPER."""

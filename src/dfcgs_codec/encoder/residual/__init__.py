@@ -1,0 +1,1 @@
+"""What of a P-frame's residual is coded, and how finely."""
