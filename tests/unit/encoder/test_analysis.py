@@ -109,7 +109,7 @@ def test_inter_symbols_follow_the_target() -> None:
     before, target = planes_of(first), planes_of(second)
     reference = FrameState({a: Plane(v) for a, v in before.items()})
     symbols = inter_symbols(
-        target, before, (reference, reference), ResidualQuantiser(QUANTISATION, ZeroBin(0.6), 6)
+        target, before, (reference, reference), ResidualQuantiser(QUANTISATION, ZeroBin(0.6))
     )
     state = reconstruct_inter(symbols, STEPS, reference)
     for attribute, values in target.items():
@@ -125,7 +125,7 @@ def test_coarser_steps_are_those_of_the_decoder() -> None:
     reference = FrameState({a: Plane(v) for a, v in before.items()})
     rng = np.random.default_rng(0)
     multipliers = {attribute: rng.integers(256, 2049, (300, 1)) for attribute in target}
-    quantiser = ResidualQuantiser(QUANTISATION, ZeroBin(0.6), 6, multipliers)
+    quantiser = ResidualQuantiser(QUANTISATION, ZeroBin(0.6), multipliers)
     symbols = inter_symbols(target, before, (reference, reference), quantiser)
     state = reconstruct_inter(symbols, STEPS, reference, multipliers)
     for attribute, values in target.items():
@@ -141,7 +141,7 @@ def test_what_did_not_change_gets_no_symbols() -> None:
     cloud = make_cloud(300, 1)
     before = planes_of(cloud)
     far_off = FrameState({a: Plane(v + 5000 * (a != Attribute.ROTATION)) for a, v in before.items()})
-    coding = ResidualQuantiser(QUANTISATION, ZeroBin(0.6), 6)
+    coding = ResidualQuantiser(QUANTISATION, ZeroBin(0.6))
     assert inter_symbols(before, before, (far_off, far_off), coding).activity == {}
     target = before | {Attribute.SCALE: before[Attribute.SCALE].copy()}
     target[Attribute.SCALE][7] += 1
@@ -158,7 +158,7 @@ def test_a_bounded_attribute_has_no_dead_zone(bounded: bool) -> None:
     some = frozenset({Attribute.POSITION} if bounded else ())
     quantisation = Quantisation(UNITS, STEPS, some, STEPS, some)
     found = inter_symbols(
-        target, before, (reference, reference), ResidualQuantiser(quantisation, ZeroBin(0.6), 6)
+        target, before, (reference, reference), ResidualQuantiser(quantisation, ZeroBin(0.6))
     )
     assert (Attribute.POSITION in found.activity) is bounded
 
@@ -170,7 +170,7 @@ def test_symbols_of_all_are_those_of_each() -> None:
     rng = np.random.default_rng(0)
     slack = {a: rng.integers(1, 60, (9000, 1)) for a in target}
     multipliers = {a: rng.integers(256, 2049, (9000, 1)) for a in target}
-    quantiser = ResidualQuantiser(QUANTISATION, ZeroBin(0.6), 6, multipliers, slack)
+    quantiser = ResidualQuantiser(QUANTISATION, ZeroBin(0.6), multipliers, slack)
     everyone, some = np.arange(9000), np.arange(1, 9000, 2)
     for attribute, values in target.items():
         whole = quantiser.symbols(attribute, everyone, values, before[attribute])
