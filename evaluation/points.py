@@ -6,11 +6,10 @@ import hashlib
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dfcgs_codec import EncoderOptions
 from dfcgs_codec.encoder.plan.quantiser_steps import QUALITIES
 from evaluation.baselines.catalogue import METHODS
 from evaluation.baselines.method import Method, SequenceFacts
@@ -106,16 +105,9 @@ def codec_points() -> list[Point]:
     return points
 
 
-def takes_views() -> bool:
-    """Whether the encoder can be told from where its frames are looked at."""
-    return "views" in {field.name for field in fields(EncoderOptions)}
-
-
 def capture_points(cameras: Path) -> list[Point]:
     """What is asked of captures beside: steps that heed nothing, and presets told where the cameras stood."""
     points = [codec_point("dfcgs_uniform", f"qp{qp}", {"qp": qp}) for qp in _UNIFORM_QPS]
-    if not takes_views():
-        return points
     digest = hashlib.sha256(cameras.read_bytes()).hexdigest()[:16]
     told = [codec_point("dfcgs_views", name, {"quality": name, "views": str(cameras)}) for name in QUALITIES]
     return points + [replace(point, version=lambda: f"{codec_version()} {digest}") for point in told]

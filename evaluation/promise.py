@@ -19,7 +19,6 @@ from typing import Any
 from dfcgs_codec import EncoderOptions, decode_sequence, encode_sequence
 from dfcgs_codec.encoder.plan.quantiser_steps import QUALITIES
 from evaluation.measure import Rated, Subject
-from evaluation.points import takes_views
 from evaluation.sequences import materialise
 from lab.assets import present
 from lab.captures.files import cameras_file
@@ -93,7 +92,7 @@ def rate_scene(scene: Scene, presets: Arguments[str], num_frames: int, views: bo
 
 
 def main(arguments: Arguments[str] | None = None) -> int:
-    """Measure, and write the result after every scene; 2 where the encoder takes no views."""
+    """Measure, and write the result after every scene."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     known = [scene for name in _GROUPS for scene in group(name)]  # type: ignore[arg-type]
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="only these")
@@ -103,9 +102,6 @@ def main(arguments: Arguments[str] | None = None) -> int:
     args = parser.parse_args(arguments)
     if unknown := set(args.scenes) - {scene.name for scene in known}:
         parser.error(f"no scene {', '.join(sorted(unknown))}; there are {', '.join(s.name for s in known)}")
-    if args.views and not takes_views():
-        print("this encoder takes no views", file=sys.stderr)
-        return 2
     results = known_results("promise")
     for scene in present(known, args.scenes):
         rows = rate_scene(scene, args.preset, args.frames, args.views)

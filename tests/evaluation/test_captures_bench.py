@@ -66,8 +66,7 @@ def test_captures_are_asked_for_uniform_steps_and_objects_are_not() -> None:
     assert {s.group for s in chosen_scenes(PLANS["captures"], [])} == {"captures"}
 
 
-def test_other_cameras_are_other_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(points, "takes_views", lambda: True)
+def test_other_cameras_are_other_points(tmp_path: Path) -> None:
     cameras = tmp_path / "cameras.json"
     versions = []
     for text in ("[]", "[{}]"):

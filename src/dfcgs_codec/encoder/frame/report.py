@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.floating]
 
 @dataclass
 class ErrorStatistics:
-    """Largest and mean absolute error of one attribute, in the unit of `rate_control.BOUND_UNITS`."""
+    """Largest and mean absolute error of one attribute, in the unit of `quantiser_steps.BOUND_UNITS`."""
 
     maximum: float = 0.0
     total: float = 0.0

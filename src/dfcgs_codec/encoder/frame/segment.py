@@ -172,11 +172,14 @@ class SegmentEncoder:
         found = self._watch.behind(loop.target, loop.coded.state.frame, index)
         behind, short = found, max(found, self._watch.short())
         if short > _MOST_BEHIND:
-            self._finer = min(self._finer + (short - _AIM_BEHIND) / _DB_PER_OCTAVE, _MOST_FINER)
+            planned = self._finer
+            self._finer = min(planned + (short - _AIM_BEHIND) / _DB_PER_OCTAVE, _MOST_FINER)
             loop = self._inter(index, frame, before, loop.succession)
             behind = self._watch.behind(loop.target, loop.coded.state.frame, index)
             helped = found - behind > _HELPED * found
             if (behind > _APPEARED and not helped) or len(loop.coded.data) > before.intra_bytes:
+                # finer steps did not help: the GoF that begins does without
+                self._finer = planned
                 return self._intra(index, frame)
         self._watch.go_on()
         change = _FOLLOWED * (max(behind, self._watch.short()) - _AIM_BEHIND) / _DB_PER_OCTAVE

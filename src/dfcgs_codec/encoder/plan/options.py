@@ -11,11 +11,7 @@ from typing import Any
 
 from dfcgs_codec._version import __version__
 from dfcgs_codec.arguments import refusal
-from dfcgs_codec.bitstream.constants import (
-    IntraKind,
-    OutputOrder,
-    Profile,
-)
+from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder, Profile
 from dfcgs_codec.encoder.plan.option_fields import (
     Cameras,
     Choice,
@@ -62,8 +58,8 @@ class Bounds(
 
 #: of `EncoderTuning`, what one profile alone heeds
 _TUNED_IN = {
-    Profile.MAIN: ("motion", "turns", "compensation", "prior", "visibility", "balance", "exact"),
-    Profile.PAPER: ("latent_step", "refinement"),
+    Profile.MAIN: ("motion", "turns", "visibility", "balance", "exact"),
+    Profile.PAPER: ("num_neighbours", "latent_step", "refinement"),
 }
 
 

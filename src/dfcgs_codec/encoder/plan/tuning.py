@@ -68,7 +68,7 @@ class EncoderTuning:
     """Switches for experiments, as in `EncoderOptions(tuning=EncoderTuning(motion="off"))`.
 
     The defaults are what was measured to be best; percentages below are of whole files at equal PSNR, in the
-    mean over the evaluation scenes (`docs/results.md`). None of this is on the command line, and what is here
+    mean over the evaluation scenes (`docs/notebook/`). None of this is on the command line, and what is here
     may change with any version. Choices are their names in small letters or members of their enumerations.
     Raises InputError for a value of the wrong kind or out of range, by its name.
     """
@@ -97,7 +97,7 @@ class EncoderTuning:
     """The same in I-frames."""
 
     reference_steps: Steps = Steps(None)
-    """Steps at QP 22 by Attribute, in place of `rate_control.REFERENCE_STEPS`; whether another
+    """Steps at QP 22 by Attribute, in place of `quantiser_steps.REFERENCE_STEPS`; whether another
     proportion of steps is better is asked by `evaluation/experiments/i_frames/allocation.py`."""
 
     motion: Choice[MotionMode] = Choice(MotionMode.AUTO)
