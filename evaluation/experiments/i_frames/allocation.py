@@ -2,9 +2,9 @@
 
 For the first frame of every scene (at most 20 000 Gaussians): the error that each attribute's step causes in
 the rendered image, the bits that the codec spends on it at that step, and the steps that give a total error
-for the fewest bits. `excess` is what the codec's own proportions cost above that. The steps of
-`encoder.plan.quantiser_steps` were chosen from the training scenes; the evaluation scenes show what that costs
-there. All with uniform steps: steps that follow visibility, and balanced ones, begin from these.
+for the fewest bits. `excess` is what the codec's own proportions cost above that. Those of
+`encoder.plan.quantiser_steps` were chosen from the training scenes; the evaluation scenes show what that
+costs there. All with uniform steps: steps that follow visibility, and balanced ones, begin from these.
 """
 
 from __future__ import annotations
