@@ -24,7 +24,8 @@ def test_no_frame_falls_behind_the_one_before() -> None:
     found = results("paper_profile")
     assert set(found) == {scene.name for scene in group("evaluation")}
     for name, scene in found.items():
-        assert set(scene["settings"]) == set(SETTINGS)
+        # settings of an older bitstream, which nothing measures any more, stand beside
+        assert set(scene["settings"]) >= set(SETTINGS)
         for setting, row in scene["settings"].items():
             if setting.startswith("paper, ") and setting != "paper, refined":
                 assert row["least_gain"] >= -ALLOWANCE, (name, setting)
