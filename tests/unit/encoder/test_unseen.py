@@ -21,7 +21,7 @@ BEHIND = slice(NUM_WALLS + 40, None)
 #: of those behind the walls, these come in
 COMING = slice(NUM_WALLS + 40, NUM_WALLS + 50)
 #: attributes as they are, but for the quantiser, so that a decoded Gaussian is told by its position
-QUICK: dict[str, Any] = {"views": viewers(), "prior": "plain", "qp": 24}
+QUICK: dict[str, Any] = {"views": viewers(), "qp": 24}
 
 
 def coded(
