@@ -121,7 +121,7 @@ def _parse(chunk: Chunk, sequence: SequenceHeader) -> _Parsed | None:
 def _read_motion(reader: ByteReader, sequence: SequenceHeader) -> MotionHeader | LatentHeader:
     if sequence.profile.name == "PAPER":
         return LatentHeader.read(reader)
-    return MotionHeader.read(reader, 1 << 14)
+    return MotionHeader.read(reader)
 
 
 def _field(rng: Rng, chunks: list[Chunk], sequence: SequenceHeader) -> list[Chunk]:
