@@ -24,6 +24,7 @@ typedef enum {
     DFCGS_MODEL,         /* ModelMismatch */
     DFCGS_HASH,          /* HashMismatch: the state is not what the file's hash says */
     DFCGS_MEMORY,        /* the arena is too small; says nothing about the file */
+    DFCGS_RESOURCES,     /* ResourceLimit: more than the caller allows */
     DFCGS_MISUSE         /* the caller asked for what cannot be: no fault of the file */
 } dfcgs_status;
 
@@ -48,11 +49,36 @@ void *dfcgs_take_zeros(dfcgs_arena *arena, size_t count, size_t width);
 #define DFCGS_TAKE(arena, type, count) ((type *)dfcgs_take((arena), (count), sizeof(type)))
 #define DFCGS_ZEROS(arena, type, count) ((type *)dfcgs_take_zeros((arena), (count), sizeof(type)))
 
-/* With clang these become memory.copy and memory.fill; core.c defines them where there is no libc. */
-void *memcpy(void *to, const void *from, size_t count);
-void *memmove(void *to, const void *from, size_t count);
-void *memset(void *to, int byte, size_t count);
-int memcmp(const void *a, const void *b, size_t count);
+/* Instructions of their own in WebAssembly (bulk memory), libc elsewhere. */
+#define memcpy __builtin_memcpy
+#define memmove __builtin_memmove
+#define memset __builtin_memset
+
+/* What a file was refused for. `offset`: byte of the file, -1 where none is known. */
+typedef struct {
+    dfcgs_status status;
+    int64_t offset;
+    const char *message;
+} dfcgs_error;
+
+/* Writes the record and returns `status`, to be returned again. */
+dfcgs_status dfcgs_refuse(dfcgs_error *error, dfcgs_status status, int64_t offset, const char *message);
+
+DFCGS_INLINE dfcgs_status dfcgs_corrupt(dfcgs_error *error, int64_t offset, const char *message) {
+    return dfcgs_refuse(error, DFCGS_CORRUPT, offset, message);
+}
+
+#define DFCGS_NO_OFFSET ((int64_t)-1)
+
+/* Take memory or return DFCGS_MEMORY. */
+#define DFCGS_GET(variable, arena, type, count)                                                                       \
+    do {                                                                                                              \
+        if (!((variable) = DFCGS_TAKE(arena, type, count))) return DFCGS_MEMORY;                                      \
+    } while (0)
+#define DFCGS_GET_ZEROS(variable, arena, type, count)                                                                 \
+    do {                                                                                                              \
+        if (!((variable) = DFCGS_ZEROS(arena, type, count))) return DFCGS_MEMORY;                                     \
+    } while (0)
 
 /* --- 3, 4.2: numbers that several chapters use ------------------------------------------------------------ */
 
