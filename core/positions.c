@@ -197,7 +197,6 @@ dfcgs_status dfcgs_position_tree(dfcgs_stream *s, const dfcgs_sort_grid *grid, u
     DFCGS_GET(keys, arena, uint64_t, count);
     DFCGS_GET(cells, arena, int64_t, 3 * (size_t)count);
     DFCGS_GET(low, arena, uint64_t, 3 * (size_t)count);
-    if (3 * (uint64_t)count > UINT32_MAX) return DFCGS_MEMORY;
     DFCGS_TRY(sorted_keys(s, count, 3 * grid->bits, keys));
     for (uint32_t i = 0; i < count; i++)
         for (int axis = 0; axis < 3; axis++) cells[3 * (size_t)i + axis] = third_bits(keys[i] >> (2 - axis));
