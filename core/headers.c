@@ -1,5 +1,7 @@
 #include "headers.h"
 
+#include "nearness.h"
+
 enum {
     MAX_CONTROL_SHIFT = 31,
     MAX_SORT_BITS = 21,

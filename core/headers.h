@@ -15,7 +15,7 @@ enum {
     DFCGS_ESCAPE = 32,
     DFCGS_MAIN_TOOLS = DFCGS_MOTION | DFCGS_TOPOLOGY | DFCGS_VISIBILITY | DFCGS_ESCAPE
 };
-enum { DFCGS_MAX_STREAMS = DFCGS_MAX_ATTRIBUTES + 4, DFCGS_MAX_CONTROL_POINTS = 16384 };
+enum { DFCGS_MAX_STREAMS = DFCGS_MAX_ATTRIBUTES + 4 };
 
 /* `sort_shift` to `alternating` of section 5: how Gaussians of an I-frame, or births, are coded. */
 typedef struct {
