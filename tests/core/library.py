@@ -61,7 +61,7 @@ def _argument(value: Any) -> Any:
         return ctypes.c_void_p(value.ctypes.data)
     if isinstance(value, ctypes.Structure):
         return ctypes.byref(value)
-    return ctypes.c_int32(value)
+    return value if isinstance(value, ctypes.c_size_t) else ctypes.c_int32(value)
 
 
 def call(name: str, *arguments: Any) -> int:
