@@ -74,7 +74,9 @@ static wide shift_right(wide a, int n) { return (wide){a.high >> n, a.low >> n |
 /* The product of two 64-bit integers. */
 static wide product(uint64_t a, uint64_t b) {
     uint64_t a0 = (uint32_t)a, a1 = a >> 32, b0 = (uint32_t)b, b1 = b >> 32;
-    uint64_t low = a0 * b0, middle = a1 * b0 + (low >> 32), other = a0 * b1 + (uint32_t)middle;
+    uint64_t low = a0 * b0, middle = a1 * b0 + (low >> 32);
+    __asm__("" : "+r"(middle)); /* else clang makes one 128-bit product of this, which WebAssembly does not have */
+    uint64_t other = a0 * b1 + (uint32_t)middle;
     return (wide){a1 * b1 + (middle >> 32) + (other >> 32), other << 32 | (uint32_t)low};
 }
 
