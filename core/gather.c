@@ -3,7 +3,10 @@
    others are at most. */
 #include "nearness.h"
 
-enum { GROUP = 64, CROWD = 4096, MAX_ASKED = DFCGS_NUM_GATHERED + 1, WEIGHT_BITS = 12, RADIUS_BITS = 10 };
+enum { MAX_ASKED = DFCGS_NUM_GATHERED + 1, WEIGHT_BITS = 12, RADIUS_BITS = 10 };
+/* points are split into parts of so many, these into smaller ones */
+enum { NUM_SPLITS = 3 };
+static const uint32_t part_sizes[NUM_SPLITS] = {2048, 256, 32};
 
 /* Control points by rank, rising; coordinates in binary64, in which squared distances, below 2**45, are
  * exact. */
@@ -42,9 +45,9 @@ static void see(nearest *found, double distance, uint32_t rank) {
 
 static dfcgs_status take_candidates(dfcgs_arena *arena, uint32_t most, candidates *some) {
     some->count = 0;
-    some->ranks = DFCGS_TAKE(arena, uint16_t, most);
+    some->ranks = DFCGS_TAKE(arena, uint16_t, (size_t)most + 1);
     for (int a = 0; a < 3; a++)
-        if (!(some->axes[a] = DFCGS_TAKE(arena, double, most))) return DFCGS_MEMORY;
+        if (!(some->axes[a] = DFCGS_TAKE(arena, double, (size_t)most + 1))) return DFCGS_MEMORY;
     return some->ranks ? DFCGS_OK : DFCGS_MEMORY;
 }
 
@@ -61,105 +64,139 @@ static box box_of(const int32_t *cells, const uint32_t *order, uint32_t count) {
     return b;
 }
 
-/* Squared distances of the candidates to the nearest and to the farthest place in a box. */
+static double larger(double a, double b) { return a > b ? a : b; }
+
+/* Adds to squared distances of the candidates, to the nearest and to the farthest place in a box, what one axis gives. */
+static void measure_axis(const double *restrict places, uint32_t count, double low, double high, double *restrict near,
+                         double *restrict far) {
+    for (uint32_t c = 0; c < count; c++) {
+        double below = low - places[c], above = places[c] - high;
+        double apart = larger(larger(below, above), 0), reach = larger(-below, -above);
+        near[c] += apart * apart;
+        far[c] += reach * reach;
+    }
+}
+
 static void measure(const candidates *from, const box *b, double *near, double *far) {
-    for (uint32_t c = 0; c < from->count; c++) {
-        double inner = 0, outer = 0;
-        for (int a = 0; a < 3; a++) {
-            double below = b->low[a] - from->axes[a][c], above = from->axes[a][c] - b->high[a];
-            double apart = below > above ? below : above, reach = below < above ? below : above;
-            apart = apart > 0 ? apart : 0;
-            inner += apart * apart;
-            outer += reach * reach; /* the other side of the box lies -reach away */
-        }
-        near[c] = inner;
-        far[c] = outer;
-    }
+    for (uint32_t c = 0; c < from->count; c++) near[c] = far[c] = 0;
+    for (int a = 0; a < 3; a++) measure_axis(from->axes[a], from->count, b->low[a], b->high[a], near, far);
 }
 
-/* Those of `from` that can be among the `asked` nearest of a point in the box. */
-static void select(const candidates *from, const box *b, int asked, double *near, double *far,
-                   candidates *to) {
-    measure(from, b, near, far);
-    nearest bound = nobody(asked);
-    for (uint32_t c = 0; c < from->count; c++)
-        if (far[c] < bound.distance[asked - 1]) see(&bound, far[c], c);
-    to->count = 0;
-    for (uint32_t c = 0; c < from->count; c++) {
-        if (near[c] > bound.distance[asked - 1]) continue;
-        for (int a = 0; a < 3; a++) to->axes[a][to->count] = from->axes[a][c];
-        to->ranks[to->count++] = from->ranks[c];
+/* The places of values that are not above `bound`; `places` [count + 1]. Without a branch, which nobody could predict. */
+static uint32_t not_above(const double *values, uint32_t count, double bound, uint32_t *places) {
+    uint32_t found = 0;
+    for (uint32_t c = 0; c < count; c++) {
+        places[found] = c;
+        found += values[c] <= bound;
     }
-}
-
-static nearest nearest_of(const candidates *from, const int32_t *cell, int asked, double *squared) {
-    double x = cell[0], y = cell[1], z = cell[2];
-    for (uint32_t c = 0; c < from->count; c++) {
-        double dx = from->axes[0][c] - x, dy = from->axes[1][c] - y, dz = from->axes[2][c] - z;
-        squared[c] = dx * dx + dy * dy + dz * dz;
-    }
-    nearest found = nobody(asked);
-    for (uint32_t c = 0; c < from->count; c++)
-        if (squared[c] < found.distance[asked - 1]) see(&found, squared[c], from->ranks[c]);
     return found;
 }
 
-/* Weights (1 - d / edge)**2, where the edge is the distance of the fifth nearest. */
-static void bind(const nearest *found, dfcgs_binding *binding) {
-    int count = found->asked < DFCGS_NUM_GATHERED ? found->asked : DFCGS_NUM_GATHERED;
-    int64_t distance[MAX_ASKED] = {0}, square[DFCGS_NUM_GATHERED], total = 0, sum = 0;
-    for (int k = 0; k < found->asked; k++) distance[k] = dfcgs_root((int64_t)found->distance[k]);
-    int64_t last = distance[found->asked - 1], edge = dfcgs_max(found->asked > count ? last : 2 * last, 1);
-    *binding = (dfcgs_binding){.choice = DFCGS_BLEND};
-    for (int k = 0; k < count; k++) {
-        int64_t reach = (1 << RADIUS_BITS) - dfcgs_quotient(distance[k] << RADIUS_BITS, edge);
-        total += square[k] = reach * reach;
-    }
-    for (int k = 0; k < DFCGS_NUM_GATHERED; k++) {
-        binding->rank[k] = (uint16_t)found->rank[k < count ? k : 0];
-        if (k < count)
-            binding->weight[k] = (uint16_t)dfcgs_quotient(square[k] << WEIGHT_BITS, dfcgs_max(total, 1));
-        sum += binding->weight[k];
-    }
-    binding->weight[0] = (uint16_t)(binding->weight[0] + (1 << WEIGHT_BITS) - sum);
+static nearest smallest(const double *values, uint32_t count, int asked) {
+    nearest found = nobody(asked);
+    for (uint32_t c = 0; c < count; c++)
+        if (values[c] < found.distance[asked - 1]) see(&found, values[c], c);
+    return found;
 }
 
-/* What the search of one call works on. */
+/* What the search of one call works on; `lists[d]` are the candidates of a part after d splits. */
 typedef struct {
     const int32_t *cells;
     dfcgs_binding *bindings;
     int asked;
     double *near, *far;
-    candidates all, crowd, group;
+    uint32_t *close;
+    candidates lists[1 + NUM_SPLITS];
 } search;
 
-static void gather_group(search *s, const uint32_t *order, uint32_t count) {
-    box b = box_of(s->cells, order, count);
-    select(&s->crowd, &b, s->asked, s->near, s->far, &s->group);
-    for (uint32_t i = 0; i < count; i++) {
-        nearest found = nearest_of(&s->group, s->cells + 3 * (size_t)order[i], s->asked, s->near);
-        bind(&found, s->bindings + order[i]);
+/* Those of `from` that can be among the nearest of a point in the box. */
+static void select(search *s, const candidates *from, const box *b, candidates *to) {
+    measure(from, b, s->near, s->far);
+    nearest farthest = smallest(s->far, from->count, s->asked);
+    to->count = not_above(s->near, from->count, farthest.distance[s->asked - 1], s->close);
+    for (uint32_t j = 0; j < to->count; j++) {
+        uint32_t c = s->close[j];
+        for (int a = 0; a < 3; a++) to->axes[a][j] = from->axes[a][c];
+        to->ranks[j] = from->ranks[c];
     }
 }
 
-static void gather_crowd(search *s, const uint32_t *order, uint32_t count) {
-    box b = box_of(s->cells, order, count);
-    select(&s->all, &b, s->asked, s->near, s->far, &s->crowd);
-    for (uint32_t at = 0; at < count; at += GROUP)
-        gather_group(s, order + at, count - at < GROUP ? count - at : GROUP);
+static void measure_point(const candidates *from, const int32_t *cell, double *restrict squared) {
+    const double *xs = from->axes[0], *ys = from->axes[1], *zs = from->axes[2];
+    double x = cell[0], y = cell[1], z = cell[2];
+    for (uint32_t c = 0; c < from->count; c++) {
+        double dx = xs[c] - x, dy = ys[c] - y, dz = zs[c] - z;
+        squared[c] = dx * dx + dy * dy + dz * dz;
+    }
+}
+
+/* The nearest of `from` to a cell: `found` were so before, and the farthest of them is an upper bound now. */
+static void find_nearest(search *s, const candidates *from, const int32_t *cell, nearest *found) {
+    double bound = 0;
+    measure_point(from, cell, s->near);
+    for (int k = 0; k < s->asked; k++) bound = larger(bound, s->near[found->rank[k]]);
+    uint32_t close = not_above(s->near, from->count, bound, s->close);
+    *found = nobody(s->asked);
+    for (uint32_t j = 0; j < close; j++) {
+        uint32_t c = s->close[j];
+        if (s->near[c] < found->distance[s->asked - 1]) see(found, s->near[c], c);
+    }
+}
+
+/* Weights (1 - d / edge)**2, where the edge is the distance of the fifth nearest. All are integers below 2**53, and the
+   quotient of such never rounds up to an integer. */
+static void bind(const nearest *found, const uint16_t *ranks, dfcgs_binding *binding) {
+    int count = found->asked < DFCGS_NUM_GATHERED ? found->asked : DFCGS_NUM_GATHERED, sum = 0;
+    double distance[MAX_ASKED], square[DFCGS_NUM_GATHERED] = {0}, total = 0;
+    for (int k = 0; k < MAX_ASKED; k++) distance[k] = __builtin_floor(__builtin_sqrt(found->distance[k]));
+    double last = distance[found->asked - 1], edge = larger(found->asked > count ? last : 2 * last, 1);
+    for (int k = 0; k < count; k++) {
+        double reach = (1 << RADIUS_BITS) - __builtin_floor(distance[k] * (1 << RADIUS_BITS) / edge);
+        total += square[k] = reach * reach;
+    }
+    *binding = (dfcgs_binding){.choice = DFCGS_BLEND};
+    for (int k = 0; k < DFCGS_NUM_GATHERED; k++) {
+        binding->rank[k] = ranks[found->rank[k < count ? k : 0]];
+        binding->weight[k] = (uint16_t)(square[k] * (1 << WEIGHT_BITS) / larger(total, 1));
+        sum += binding->weight[k];
+    }
+    binding->weight[0] = (uint16_t)(binding->weight[0] + (1 << WEIGHT_BITS) - sum);
+}
+
+static void gather_few(search *s, const uint32_t *order, uint32_t count) {
+    const candidates *from = &s->lists[NUM_SPLITS];
+    nearest found = {.asked = s->asked, .rank = {0, 1, 2, 3, 4}};
+    for (uint32_t i = 0; i < count; i++) {
+        find_nearest(s, from, s->cells + 3 * (size_t)order[i], &found);
+        bind(&found, from->ranks, s->bindings + order[i]);
+    }
+}
+
+/* Parts of `count` points that were split `depth` times. */
+static void gather_parts(search *s, const uint32_t *order, uint32_t count, int depth) {
+    uint32_t size = part_sizes[depth];
+    for (uint32_t at = 0; at < count; at += size) {
+        uint32_t some = count - at < size ? count - at : size;
+        box b = box_of(s->cells, order + at, some);
+        select(s, &s->lists[depth], &b, &s->lists[depth + 1]);
+        if (depth + 1 < NUM_SPLITS)
+            gather_parts(s, order + at, some, depth + 1);
+        else
+            gather_few(s, order + at, some);
+    }
 }
 
 static dfcgs_status take_search(dfcgs_arena *arena, const int32_t *control, uint32_t num_control, search *s) {
-    DFCGS_TRY(take_candidates(arena, num_control, &s->all));
-    DFCGS_TRY(take_candidates(arena, num_control, &s->crowd));
-    DFCGS_TRY(take_candidates(arena, num_control, &s->group));
+    for (int d = 0; d <= NUM_SPLITS; d++) DFCGS_TRY(take_candidates(arena, num_control, &s->lists[d]));
     s->near = DFCGS_TAKE(arena, double, num_control);
     s->far = DFCGS_TAKE(arena, double, num_control);
-    if (!s->near || !s->far) return DFCGS_MEMORY;
-    s->all.count = num_control;
+    s->close = DFCGS_TAKE(arena, uint32_t, (size_t)num_control + 1);
+    if (!s->near || !s->far || !s->close) return DFCGS_MEMORY;
+    candidates *all = &s->lists[0];
+    all->count = num_control;
     for (uint32_t c = 0; c < num_control; c++) {
-        s->all.ranks[c] = (uint16_t)c;
-        for (int a = 0; a < 3; a++) s->all.axes[a][c] = control[3 * (size_t)c + a];
+        all->ranks[c] = (uint16_t)c;
+        for (int a = 0; a < 3; a++) all->axes[a][c] = control[3 * (size_t)c + a];
     }
     return DFCGS_OK;
 }
@@ -167,15 +204,12 @@ static dfcgs_status take_search(dfcgs_arena *arena, const int32_t *control, uint
 dfcgs_status dfcgs_gather(dfcgs_arena *arena, const int32_t *cells, uint32_t count, const int32_t *control,
                           uint32_t num_control, dfcgs_binding *bindings) {
     size_t mark = arena->used;
-    search s = {.cells = cells,
-                .bindings = bindings,
-                .asked = num_control < MAX_ASKED ? (int)num_control : MAX_ASKED};
+    search s = {.cells = cells, .bindings = bindings, .asked = num_control < MAX_ASKED ? (int)num_control : MAX_ASKED};
     uint32_t *order = DFCGS_TAKE(arena, uint32_t, count);
     if (!order) return DFCGS_MEMORY;
     DFCGS_TRY(take_search(arena, control, num_control, &s));
     DFCGS_TRY(dfcgs_near_order(arena, cells, count, order));
-    for (uint32_t at = 0; at < count; at += CROWD)
-        gather_crowd(&s, order + at, count - at < CROWD ? count - at : CROWD);
+    gather_parts(&s, order, count, 0);
     arena->used = mark;
     return DFCGS_OK;
 }
