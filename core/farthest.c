@@ -1,6 +1,6 @@
-/* 14.1: exact farthest point sampling. Points lie in buckets of such that are near each other, and these in crates; one whose
-   box is farther away than its farthest point is from the set cannot change. All distances are integers below 2**45, exact in
-   binary64. */
+/* 14.1: exact farthest point sampling. Points lie in buckets of such that are near each other, and these in
+   crates; one whose box is farther away than its farthest point is from the set cannot change. All distances
+   are integers below 2**45, exact in binary64. */
 #include "nearness.h"
 
 enum { BUCKET = 64, CRATE = 16 };
@@ -11,7 +11,8 @@ typedef struct {
     double *low[3], *high[3], *farthest; /* [count] */
 } boxes;
 
-/* All points: coordinates, squared distances to the set, and which they are; the last one is repeated to fill the last crate. */
+/* All points: coordinates, squared distances to the set, and which they are; the last one is repeated to fill
+ * the last crate. */
 typedef struct {
     boxes crates, buckets;
     size_t num_points;
@@ -81,10 +82,12 @@ static int reaches(const boxes *b, uint32_t k, const double point[3]) {
 static void approach_bucket(shelves *s, uint32_t k, const double point[3]) {
     size_t first = (size_t)k * BUCKET;
     const double *x = s->axes[0] + first, *y = s->axes[1] + first, *z = s->axes[2] + first;
-    double *distance = s->distance + first, px = point[0], py = point[1], pz = point[2], most[4] = {0, 0, 0, 0};
+    double *distance = s->distance + first, px = point[0], py = point[1], pz = point[2],
+           most[4] = {0, 0, 0, 0};
     for (int i = 0; i < BUCKET; i += 4)
         for (int j = 0; j < 4; j++) {
-            double dx = x[i + j] - px, dy = y[i + j] - py, dz = z[i + j] - pz, squared = dx * dx + dy * dy + dz * dz;
+            double dx = x[i + j] - px, dy = y[i + j] - py, dz = z[i + j] - pz,
+                   squared = dx * dx + dy * dy + dz * dz;
             double nearer = squared < distance[i + j] ? squared : distance[i + j];
             distance[i + j] = nearer;
             most[j] = nearer > most[j] ? nearer : most[j];
@@ -116,7 +119,8 @@ static uint32_t first_at(const shelves *s, uint32_t k, double most, uint32_t bes
 static uint32_t farthest_of(const shelves *s) {
     double most = 0;
     uint32_t best = UINT32_MAX;
-    for (uint32_t k = 0; k < s->crates.count; k++) most = s->crates.farthest[k] > most ? s->crates.farthest[k] : most;
+    for (uint32_t k = 0; k < s->crates.count; k++)
+        most = s->crates.farthest[k] > most ? s->crates.farthest[k] : most;
     if (most == 0) return best;
     for (uint32_t k = 0; k < s->crates.count; k++)
         if (s->crates.farthest[k] == most) best = first_at(s, k, most, best);
@@ -136,8 +140,8 @@ static uint32_t choose(const int32_t *cells, uint32_t wanted, shelves *s, uint32
     return found;
 }
 
-dfcgs_status dfcgs_farthest_points(dfcgs_arena *arena, const int32_t *cells, uint32_t count, uint32_t wanted, uint32_t *chosen,
-                                   uint32_t *found) {
+dfcgs_status dfcgs_farthest_points(dfcgs_arena *arena, const int32_t *cells, uint32_t count, uint32_t wanted,
+                                   uint32_t *chosen, uint32_t *found) {
     size_t mark = arena->used;
     shelves s;
     DFCGS_TRY(take_shelves(arena, count, &s));

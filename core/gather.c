@@ -8,16 +8,20 @@ enum { MAX_ASKED = DFCGS_NUM_GATHERED + 1, WEIGHT_BITS = 12, RADIUS_BITS = 10 };
 enum { NUM_SPLITS = 3 };
 static const uint32_t part_sizes[NUM_SPLITS] = {2048, 256, 32};
 
-/* Control points by rank, rising; coordinates in binary64, in which squared distances, below 2**45, are
- * exact. */
+/* Coordinates fit binary32 exactly, squared distances but for a part in 2**21; who is looked at more closely
+   is settled with such ones and this margin, so that nobody is missed. Who is nearest is settled with exact
+   ones. */
+static const float margin = 1 + 1.0f / (1 << 16);
+
+/* Control points by rank, rising. */
 typedef struct {
     uint32_t count;
-    double *axes[3];
+    float *axes[3];
     uint16_t *ranks;
 } candidates;
 
 typedef struct {
-    double low[3], high[3];
+    float low[3], high[3];
 } box;
 
 /* The `asked` smallest of what was seen, the first of equals first, and what they belong to. */
@@ -47,43 +51,43 @@ static dfcgs_status take_candidates(dfcgs_arena *arena, uint32_t most, candidate
     some->count = 0;
     some->ranks = DFCGS_TAKE(arena, uint16_t, (size_t)most + 1);
     for (int a = 0; a < 3; a++)
-        if (!(some->axes[a] = DFCGS_TAKE(arena, double, (size_t)most + 1))) return DFCGS_MEMORY;
+        if (!(some->axes[a] = DFCGS_TAKE(arena, float, (size_t)most + 1))) return DFCGS_MEMORY;
     return some->ranks ? DFCGS_OK : DFCGS_MEMORY;
 }
 
 static box box_of(const int32_t *cells, const uint32_t *order, uint32_t count) {
     box b;
     for (int a = 0; a < 3; a++) {
-        b.low[a] = b.high[a] = cells[3 * (size_t)order[0] + a];
-        for (uint32_t i = 1; i < count; i++) {
-            double value = cells[3 * (size_t)order[i] + a];
-            b.low[a] = value < b.low[a] ? value : b.low[a];
-            b.high[a] = value > b.high[a] ? value : b.high[a];
+        int32_t low = INT32_MAX, high = INT32_MIN;
+        for (uint32_t i = 0; i < count; i++) {
+            int32_t value = cells[3 * (size_t)order[i] + (size_t)a];
+            low = value < low ? value : low;
+            high = value > high ? value : high;
         }
+        b.low[a] = (float)low;
+        b.high[a] = (float)high;
     }
     return b;
 }
 
-static double larger(double a, double b) { return a > b ? a : b; }
+static float larger(float a, float b) { return a > b ? a : b; }
 
-/* Adds to squared distances of the candidates, to the nearest and to the farthest place in a box, what one axis gives. */
-static void measure_axis(const double *restrict places, uint32_t count, double low, double high, double *restrict near,
-                         double *restrict far) {
-    for (uint32_t c = 0; c < count; c++) {
-        double below = low - places[c], above = places[c] - high;
-        double apart = larger(larger(below, above), 0), reach = larger(-below, -above);
-        near[c] += apart * apart;
-        far[c] += reach * reach;
+/* Squared distances of the candidates to the nearest and to the farthest place in a box. */
+static void measure(const candidates *from, const box *b, float *restrict near, float *restrict far) {
+    const float *xs = from->axes[0], *ys = from->axes[1], *zs = from->axes[2];
+    for (uint32_t c = 0; c < from->count; c++) {
+        float left = b->low[0] - xs[c], right = xs[c] - b->high[0], dx = larger(larger(left, right), 0);
+        float under = b->low[1] - ys[c], above = ys[c] - b->high[1], dy = larger(larger(under, above), 0);
+        float front = b->low[2] - zs[c], behind = zs[c] - b->high[2], dz = larger(larger(front, behind), 0);
+        float ex = larger(-left, -right), ey = larger(-under, -above), ez = larger(-front, -behind);
+        near[c] = dx * dx + dy * dy + dz * dz;
+        far[c] = ex * ex + ey * ey + ez * ez;
     }
 }
 
-static void measure(const candidates *from, const box *b, double *near, double *far) {
-    for (uint32_t c = 0; c < from->count; c++) near[c] = far[c] = 0;
-    for (int a = 0; a < 3; a++) measure_axis(from->axes[a], from->count, b->low[a], b->high[a], near, far);
-}
-
-/* The places of values that are not above `bound`; `places` [count + 1]. Without a branch, which nobody could predict. */
-static uint32_t not_above(const double *values, uint32_t count, double bound, uint32_t *places) {
+/* The places of values that are not above `bound`; `places` [count + 1]. Without a branch, which nobody could
+ * predict. */
+static uint32_t not_above(const float *values, uint32_t count, float bound, uint32_t *places) {
     uint32_t found = 0;
     for (uint32_t c = 0; c < count; c++) {
         places[found] = c;
@@ -92,19 +96,24 @@ static uint32_t not_above(const double *values, uint32_t count, double bound, ui
     return found;
 }
 
-static nearest smallest(const double *values, uint32_t count, int asked) {
+/* The largest of the `asked` smallest values. */
+static float bound_of(const float *values, uint32_t count, int asked) {
     nearest found = nobody(asked);
-    for (uint32_t c = 0; c < count; c++)
-        if (values[c] < found.distance[asked - 1]) see(&found, values[c], c);
-    return found;
+    float bound = __builtin_inff();
+    for (uint32_t c = 0; c < count; c++) {
+        if (values[c] >= bound) continue;
+        see(&found, values[c], c);
+        bound = (float)found.distance[asked - 1];
+    }
+    return bound;
 }
 
 /* What the search of one call works on; `lists[d]` are the candidates of a part after d splits. */
 typedef struct {
-    const int32_t *cells;
+    const int32_t *cells, *control;
     dfcgs_binding *bindings;
     int asked;
-    double *near, *far;
+    float *near, *far;
     uint32_t *close;
     candidates lists[1 + NUM_SPLITS];
 } search;
@@ -112,8 +121,7 @@ typedef struct {
 /* Those of `from` that can be among the nearest of a point in the box. */
 static void select(search *s, const candidates *from, const box *b, candidates *to) {
     measure(from, b, s->near, s->far);
-    nearest farthest = smallest(s->far, from->count, s->asked);
-    to->count = not_above(s->near, from->count, farthest.distance[s->asked - 1], s->close);
+    to->count = not_above(s->near, from->count, bound_of(s->far, from->count, s->asked) * margin, s->close);
     for (uint32_t j = 0; j < to->count; j++) {
         uint32_t c = s->close[j];
         for (int a = 0; a < 3; a++) to->axes[a][j] = from->axes[a][c];
@@ -121,43 +129,52 @@ static void select(search *s, const candidates *from, const box *b, candidates *
     }
 }
 
-static void measure_point(const candidates *from, const int32_t *cell, double *restrict squared) {
-    const double *xs = from->axes[0], *ys = from->axes[1], *zs = from->axes[2];
-    double x = cell[0], y = cell[1], z = cell[2];
+static void measure_point(const candidates *from, const int32_t *cell, float *restrict squared) {
+    const float *xs = from->axes[0], *ys = from->axes[1], *zs = from->axes[2];
+    float x = (float)cell[0], y = (float)cell[1], z = (float)cell[2];
     for (uint32_t c = 0; c < from->count; c++) {
-        double dx = xs[c] - x, dy = ys[c] - y, dz = zs[c] - z;
+        float dx = xs[c] - x, dy = ys[c] - y, dz = zs[c] - z;
         squared[c] = dx * dx + dy * dy + dz * dz;
     }
 }
 
+/* The exact squared distance of a candidate; below 2**45. */
+static double distance_to(const search *s, const candidates *from, uint32_t c, const int32_t *cell) {
+    const int32_t *control = s->control + 3 * (size_t)from->ranks[c];
+    int64_t x = control[0] - cell[0], y = control[1] - cell[1], z = control[2] - cell[2];
+    return (double)(x * x + y * y + z * z);
+}
+
 /* The nearest of `from` to a cell: `found` were so before, and the farthest of them is an upper bound now. */
 static void find_nearest(search *s, const candidates *from, const int32_t *cell, nearest *found) {
-    double bound = 0;
+    float bound = 0;
     measure_point(from, cell, s->near);
     for (int k = 0; k < s->asked; k++) bound = larger(bound, s->near[found->rank[k]]);
-    uint32_t close = not_above(s->near, from->count, bound, s->close);
+    uint32_t close = not_above(s->near, from->count, bound * margin, s->close);
     *found = nobody(s->asked);
     for (uint32_t j = 0; j < close; j++) {
-        uint32_t c = s->close[j];
-        if (s->near[c] < found->distance[s->asked - 1]) see(found, s->near[c], c);
+        double distance = distance_to(s, from, s->close[j], cell);
+        if (distance < found->distance[s->asked - 1]) see(found, distance, s->close[j]);
     }
 }
 
-/* Weights (1 - d / edge)**2, where the edge is the distance of the fifth nearest. All are integers below 2**53, and the
-   quotient of such never rounds up to an integer. */
+/* Weights (1 - d / edge)**2, where the edge is the distance of the fifth nearest. All are integers below
+   2**53, and the quotient of such never rounds up to an integer. */
 static void bind(const nearest *found, const uint16_t *ranks, dfcgs_binding *binding) {
     int count = found->asked < DFCGS_NUM_GATHERED ? found->asked : DFCGS_NUM_GATHERED, sum = 0;
     double distance[MAX_ASKED], square[DFCGS_NUM_GATHERED] = {0}, total = 0;
     for (int k = 0; k < MAX_ASKED; k++) distance[k] = __builtin_floor(__builtin_sqrt(found->distance[k]));
-    double last = distance[found->asked - 1], edge = larger(found->asked > count ? last : 2 * last, 1);
+    double last = distance[found->asked - 1], edge = found->asked > count ? last : 2 * last;
+    edge = edge > 1 ? edge : 1;
     for (int k = 0; k < count; k++) {
         double reach = (1 << RADIUS_BITS) - __builtin_floor(distance[k] * (1 << RADIUS_BITS) / edge);
         total += square[k] = reach * reach;
     }
+    total = total > 1 ? total : 1;
     *binding = (dfcgs_binding){.choice = DFCGS_BLEND};
     for (int k = 0; k < DFCGS_NUM_GATHERED; k++) {
         binding->rank[k] = ranks[found->rank[k < count ? k : 0]];
-        binding->weight[k] = (uint16_t)(square[k] * (1 << WEIGHT_BITS) / larger(total, 1));
+        binding->weight[k] = (uint16_t)(square[k] * (1 << WEIGHT_BITS) / total);
         sum += binding->weight[k];
     }
     binding->weight[0] = (uint16_t)(binding->weight[0] + (1 << WEIGHT_BITS) - sum);
@@ -188,15 +205,15 @@ static void gather_parts(search *s, const uint32_t *order, uint32_t count, int d
 
 static dfcgs_status take_search(dfcgs_arena *arena, const int32_t *control, uint32_t num_control, search *s) {
     for (int d = 0; d <= NUM_SPLITS; d++) DFCGS_TRY(take_candidates(arena, num_control, &s->lists[d]));
-    s->near = DFCGS_TAKE(arena, double, num_control);
-    s->far = DFCGS_TAKE(arena, double, num_control);
+    s->near = DFCGS_TAKE(arena, float, num_control);
+    s->far = DFCGS_TAKE(arena, float, num_control);
     s->close = DFCGS_TAKE(arena, uint32_t, (size_t)num_control + 1);
     if (!s->near || !s->far || !s->close) return DFCGS_MEMORY;
     candidates *all = &s->lists[0];
     all->count = num_control;
     for (uint32_t c = 0; c < num_control; c++) {
         all->ranks[c] = (uint16_t)c;
-        for (int a = 0; a < 3; a++) all->axes[a][c] = control[3 * (size_t)c + a];
+        for (int a = 0; a < 3; a++) all->axes[a][c] = (float)control[3 * (size_t)c + (size_t)a];
     }
     return DFCGS_OK;
 }
@@ -204,7 +221,10 @@ static dfcgs_status take_search(dfcgs_arena *arena, const int32_t *control, uint
 dfcgs_status dfcgs_gather(dfcgs_arena *arena, const int32_t *cells, uint32_t count, const int32_t *control,
                           uint32_t num_control, dfcgs_binding *bindings) {
     size_t mark = arena->used;
-    search s = {.cells = cells, .bindings = bindings, .asked = num_control < MAX_ASKED ? (int)num_control : MAX_ASKED};
+    search s = {.cells = cells,
+                .control = control,
+                .bindings = bindings,
+                .asked = num_control < MAX_ASKED ? (int)num_control : MAX_ASKED};
     uint32_t *order = DFCGS_TAKE(arena, uint32_t, count);
     if (!order) return DFCGS_MEMORY;
     DFCGS_TRY(take_search(arena, control, num_control, &s));
