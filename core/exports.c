@@ -9,7 +9,7 @@ static dfcgs_output output;
 
 /* What a caller reads after each call, at fixed offsets; pointers and sizes are 32 bits. */
 static struct {
-    int64_t offset, excess_value, arena_peak;
+    int64_t offset, excess_value, bytes, peak;
     int32_t status, excess_kind;
     const char *message;
     uint32_t excess_frame, excess_gaussians;
@@ -18,7 +18,7 @@ static struct {
     int32_t num_attributes, has_order, has_patterns, touched;
     const void *planes[DFCGS_MAX_ATTRIBUTES], *patterns[DFCGS_MAX_ATTRIBUTES], *order, *escapes;
     uint32_t escape_bytes;
-    const void *arrays[6];
+    const void *arrays[DFCGS_NUM_ARRAYS];
 } info;
 
 static int report(dfcgs_status status) {
@@ -30,7 +30,8 @@ static int report(dfcgs_status status) {
     info.excess_value = decoder.budget.excess.value;
     info.excess_frame = decoder.budget.excess.frame;
     info.excess_gaussians = decoder.budget.excess.num_gaussians;
-    info.arena_peak = (int64_t)decoder.arena.peak;
+    info.bytes = decoder.budget.bytes;
+    info.peak = (int64_t)decoder.arena.peak;
     info.expects = decoder.frame.expects;
     info.count = gof->count;
     info.num_attributes = gof->num_attributes;
@@ -85,10 +86,10 @@ DFCGS_EXPORT int core_put(int type, uint32_t frame, int64_t offset, int64_t payl
     return report(dfcgs_put(&decoder, &chunk));
 }
 
-/* The frame as floats: six arrays of `info`. */
-DFCGS_EXPORT int core_output(void) {
-    dfcgs_status status = dfcgs_frame_output(&decoder, &output);
-    const void *arrays[6] = {output.positions, output.rotations, output.scales, output.opacities, output.sh_dc, output.sh_rest};
+/* The frame as floats: those arrays of `info` that are wanted. */
+DFCGS_EXPORT int core_output(int wanted) {
+    dfcgs_status status = dfcgs_frame_output(&decoder, wanted, &output);
+    const void *arrays[DFCGS_NUM_ARRAYS] = {output.positions, output.rotations, output.scales, output.opacities, output.sh_dc, output.sh_rest};
     memcpy(info.arrays, arrays, sizeof arrays);
     return report(status);
 }

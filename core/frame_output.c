@@ -32,34 +32,51 @@ static uint32_t place_of(const dfcgs_output *o, int attribute, uint32_t c) {
 
 static size_t row_of(const dfcgs_gof *gof, size_t i) { return gof->has_order ? (size_t)gof->order[i] : i; }
 
-static dfcgs_status take_output(dfcgs_decoder *d, dfcgs_output *o) {
-    size_t count = d->gof.count, wide = d->sequence.precision == DFCGS_FLOAT64 ? 2 : 1;
-    uint32_t degree = d->sequence.sh_degree;
-    *o = (dfcgs_output){.count = (uint32_t)count, .num_rest = degree * (degree + 2)};
-    DFCGS_GET(o->positions, &d->arena, float, 3 * count * wide);
-    DFCGS_GET(o->rotations, &d->arena, float, 4 * count);
-    DFCGS_GET(o->scales, &d->arena, float, 3 * count);
-    DFCGS_GET(o->opacities, &d->arena, float, count);
-    DFCGS_GET(o->sh_dc, &d->arena, float, 3 * count);
-    DFCGS_GET(o->sh_rest, &d->arena, float, CHANNELS * o->num_rest * count);
+/* Room for an array, if it is wanted. */
+static dfcgs_status take_array(dfcgs_decoder *d, int wanted, int array, size_t width, float **values) {
+    if (!(wanted >> array & 1)) return DFCGS_OK;
+    DFCGS_GET(*values, &d->arena, float, width * d->gof.count);
     return DFCGS_OK;
 }
 
-static void state_output(const dfcgs_decoder *d, dfcgs_output *o) {
+static dfcgs_status take_output(dfcgs_decoder *d, int wanted, dfcgs_output *o) {
+    size_t wide = d->sequence.precision == DFCGS_FLOAT64 ? 2 : 1;
+    uint32_t degree = d->sequence.sh_degree;
+    *o = (dfcgs_output){.count = d->gof.count, .num_rest = degree * (degree + 2)};
+    DFCGS_TRY(take_array(d, wanted, 0, 3 * wide, (float **)&o->positions));
+    DFCGS_TRY(take_array(d, wanted, 1, 4, &o->rotations));
+    DFCGS_TRY(take_array(d, wanted, 2, 3, &o->scales));
+    DFCGS_TRY(take_array(d, wanted, 3, 1, &o->opacities));
+    DFCGS_TRY(take_array(d, wanted, 4, 3, &o->sh_dc));
+    return take_array(d, wanted, 5, CHANNELS * o->num_rest, &o->sh_rest);
+}
+
+static void position_output(const dfcgs_decoder *d, const int32_t *order, void *positions) {
+    const dfcgs_sequence *seq = &d->sequence;
+    const int32_t *plane = d->gof.planes[DFCGS_POSITION];
+    if (seq->precision == DFCGS_FLOAT64)
+        dfcgs_double_positions(plane, d->gof.count, seq->origin, seq->position_exponent, order, positions);
+    else dfcgs_float_positions(plane, d->gof.count, seq->origin, seq->position_exponent, order, positions);
+}
+
+static void band_output(const dfcgs_decoder *d, const int32_t *order, float *sh_rest) {
+    const dfcgs_gof *g = &d->gof;
+    const int32_t *second = g->num_attributes > DFCGS_SH_2 ? g->planes[DFCGS_SH_2] : NULL;
+    const int32_t *third = g->num_attributes > DFCGS_SH_3 ? g->planes[DFCGS_SH_3] : NULL;
+    dfcgs_float_bands(g->planes[DFCGS_SH_1], second, third, g->count, d->sequence.color_exponent, order, sh_rest);
+}
+
+static void state_output(const dfcgs_decoder *d, const dfcgs_output *o) {
     const dfcgs_sequence *seq = &d->sequence;
     const dfcgs_gof *g = &d->gof;
     const int32_t *order = g->has_order ? g->order : NULL;
-    if (seq->precision == DFCGS_FLOAT64)
-        dfcgs_double_positions(g->planes[DFCGS_POSITION], g->count, seq->origin, seq->position_exponent, order, o->positions);
-    else dfcgs_float_positions(g->planes[DFCGS_POSITION], g->count, seq->origin, seq->position_exponent, order, o->positions);
-    dfcgs_floats(g->planes[DFCGS_SCALE], g->count, 3, seq->scale_exponent, order, o->scales);
-    dfcgs_floats(g->planes[DFCGS_ROTATION], g->count, 4, -24, order, o->rotations);
-    dfcgs_float_logits(g->planes[DFCGS_OPACITY], g->count, seq->opacity_exponent, order, o->opacities);
-    dfcgs_floats(g->planes[DFCGS_SH_DC], g->count, 3, seq->color_exponent, order, o->sh_dc);
-    if (o->num_rest)
-        dfcgs_float_bands(g->planes[DFCGS_SH_1], g->num_attributes > DFCGS_SH_2 ? g->planes[DFCGS_SH_2] : NULL,
-                          g->num_attributes > DFCGS_SH_3 ? g->planes[DFCGS_SH_3] : NULL, g->count, seq->color_exponent,
-                          order, o->sh_rest);
+    if (o->positions) position_output(d, order, o->positions);
+    if (o->rotations) dfcgs_floats(g->planes[DFCGS_ROTATION], g->count, 4, -24, order, o->rotations);
+    if (o->scales) dfcgs_floats(g->planes[DFCGS_SCALE], g->count, 3, seq->scale_exponent, order, o->scales);
+    if (o->opacities)
+        dfcgs_float_logits(g->planes[DFCGS_OPACITY], g->count, seq->opacity_exponent, order, o->opacities);
+    if (o->sh_dc) dfcgs_floats(g->planes[DFCGS_SH_DC], g->count, 3, seq->color_exponent, order, o->sh_dc);
+    if (o->sh_rest && o->num_rest) band_output(d, order, o->sh_rest);
 }
 
 /* Puts the bits of a float32 into column c of an attribute. */
@@ -114,9 +131,10 @@ static void put_escapes(dfcgs_decoder *d, const dfcgs_output *o) {
     }
 }
 
-dfcgs_status dfcgs_frame_output(dfcgs_decoder *decoder, dfcgs_output *output) {
+dfcgs_status dfcgs_frame_output(dfcgs_decoder *decoder, int wanted, dfcgs_output *output) {
+    if (decoder->gof.has_patterns || decoder->escapes) wanted = DFCGS_ALL_ARRAYS;
     decoder->arena.used = decoder->frame_start;
-    DFCGS_TRY(take_output(decoder, output));
+    DFCGS_TRY(take_output(decoder, wanted, output));
     if (decoder->gof.has_patterns) verbatim_output(decoder, output);
     else state_output(decoder, output);
     if (decoder->escapes) put_escapes(decoder, output);

@@ -74,7 +74,9 @@ static wide shift_right(wide a, int n) { return (wide){a.high >> n, a.low >> n |
 /* The product of two 64-bit integers. */
 static wide product(uint64_t a, uint64_t b) {
     uint64_t a0 = (uint32_t)a, a1 = a >> 32, b0 = (uint32_t)b, b1 = b >> 32;
-    uint64_t low = a0 * b0, middle = a1 * b0 + (low >> 32), other = a0 * b1 + (uint32_t)middle;
+    uint64_t low = a0 * b0, middle = a1 * b0 + (low >> 32);
+    __asm__("" : "+r"(middle)); /* else clang makes one 128-bit product of this, which WebAssembly does not have */
+    uint64_t other = a0 * b1 + (uint32_t)middle;
     return (wide){a1 * b1 + (middle >> 32) + (other >> 32), other << 32 | (uint32_t)low};
 }
 
@@ -109,13 +111,19 @@ static wide scaled(wide a, uint64_t small, uint64_t divisor) {
 
 static const wide ROUNDING = {(uint64_t)1 << 31, 0}; /* 2**95 */
 
-/* NORMAL[i] = 2**32 Phi(i / 1024); the last one is below 2**32. */
-static void fill_normal(uint32_t *normal) {
+/* value >> 96 of a value from 2**127 to a little above 2**128, of which 128 bits are left. */
+static int64_t top_bits(wide value) {
+    int64_t top = (int64_t)(value.high >> 32);
+    return top >> 31 ? top : top + ((int64_t)1 << 32);
+}
+
+/* NORMAL[i] = 2**32 Phi(i / 1024) */
+static void fill_normal(int64_t *normal) {
     wide density = {0x662114CF50D94234, 0x3F2CF1402EAE38BF}, ratio = {0xFFFFF800001FFFFF, 0xAAAAAB5555544444};
     const wide shrink = {0xFFFFF000007FFFFD, 0x55555FFFFFDDDDDE}, half = {(uint64_t)1 << 63, 0};
     wide total = {0, 0};
     uint32_t carried = 0; /* what of the total lies above 128 bits */
-    normal[0] = 1u << 31;
+    normal[0] = (int64_t)1 << 31;
     for (uint32_t i = 1; i < NORMAL_SIZE; i++) {
         wide following = high_product(density, ratio), both = add(density, following), before = total;
         uint32_t carry = both.high < density.high || (both.high == density.high && both.low < density.low);
@@ -126,18 +134,18 @@ static void fill_normal(uint32_t *normal) {
         wide area = shift_right(total, 11);
         area.high |= (uint64_t)carried << 53;
         wide value = add(add(half, area), add(scaled(following, i, (uint64_t)12 << 30), ROUNDING));
-        normal[i] = (uint32_t)(value.high >> 32);
+        normal[i] = top_bits(value);
         density = following;
     }
 }
 
 /* EXPONENTIAL[i] = 2**32 (1 - exp(-i / 1024) / 2) */
-static void fill_exponential(uint32_t *exponential) {
+static void fill_exponential(int64_t *exponential) {
     wide tail = {(uint64_t)1 << 63, 0};
     const wide ratio = {0xFFC007FF555FFF77, 0x7D279E7B87ACECDF};
     for (uint32_t i = 0; i < EXPONENTIAL_SIZE; i++) {
         wide value = add(subtract((wide){0, 0}, tail), ROUNDING); /* 2**128 less the tail */
-        exponential[i] = (uint32_t)(value.high >> 32);
+        exponential[i] = top_bits(value);
         tail = high_product(tail, ratio);
     }
 }
@@ -154,12 +162,12 @@ static const uint32_t INVERSE_SIGMAS[DFCGS_NUM_BASE_SCALES] = {
 static const uint8_t TWICE_REACH[DFCGS_NUM_SHAPES] = {11, 16, 24};
 
 typedef struct {
-    uint32_t normal[NORMAL_SIZE], exponential[EXPONENTIAL_SIZE];
+    int64_t normal[NORMAL_SIZE], exponential[EXPONENTIAL_SIZE];
 } masters;
 
-static int64_t interpolate(const uint32_t *master, int64_t size, int64_t m) {
+static int64_t interpolate(const int64_t *master, int64_t size, int64_t m) {
     int64_t i = dfcgs_min(m >> 10, size - 2), f = dfcgs_min(m - (i << 10), 1024);
-    return master[i] + ((((int64_t)master[i + 1] - master[i]) * f) >> 10);
+    return master[i] + (((master[i + 1] - master[i]) * f) >> 10);
 }
 
 static int64_t cdf(const masters *tables, int shape, int scale, int64_t e) {

@@ -13,9 +13,11 @@ from dfcgs_codec.bitstream.constants import ChunkType, Profile
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.frame_headers import coded_attributes
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
+from dfcgs_codec.codec.frame.core_decoder import CoreDecoder, CoreFrame
 from dfcgs_codec.codec.frame.gof_decoder import GofDecoder
 from dfcgs_codec.codec.frame.limits import Budget, DecoderLimits
 from dfcgs_codec.codec.state.planes import FrameState, output
+from dfcgs_codec.core.engine import CORE, NUMPY, chosen_engine
 from dfcgs_codec.errors import BitstreamError, CorruptBitstream, ModelMismatch
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
@@ -44,26 +46,44 @@ def _model_of(sequence: SequenceHeader) -> LatentModel | ContextModel:
 
 @dataclass(frozen=True)
 class DecodedFrame:
-    """One decoded frame: its place in the sequence, the number in its file name, its state.
+    """One decoded frame: its place in the sequence, the number in its file name, what it decoded to.
 
     `comments`: those of the input's PLY files that the sequence keeps, as they were.
     """
 
     index: int
     number: int
-    state: FrameState
+    decoded: FrameState | CoreFrame
     sequence: SequenceHeader
     comments: tuple[bytes, ...] = ()
 
+    @property
+    def state(self) -> FrameState:
+        """The integers of the frame."""
+        return self.decoded.state if isinstance(self.decoded, CoreFrame) else self.decoded
+
     def cloud(self) -> GaussianCloud:
         """The frame's float32 values, in output order."""
-        return output(self.state, self.sequence.unit_exponents)
+        if isinstance(self.decoded, CoreFrame):
+            return self.decoded.cloud()
+        return output(self.decoded, self.sequence.unit_exponents)
 
 
 class SequenceDecoder:
-    """Decodes a `.dgs` file; needs the file alone; refuses what exceeds `limits` with ResourceLimit."""
+    """Decodes a `.dgs` file; needs the file alone; refuses what exceeds `limits` with ResourceLimit.
 
-    def __init__(self, file: BinaryIO, *, check: bool = True, limits: DecoderLimits | None = None) -> None:
+    `engine`: "core" or "numpy"; by default that of the environment, or the core where it can run.
+    """
+
+    def __init__(
+        self,
+        file: BinaryIO,
+        *,
+        check: bool = True,
+        limits: DecoderLimits | None = None,
+        engine: str | None = None,
+    ) -> None:
+        wanted = chosen_engine(engine)
         self.container = ContainerReader(file)
         self.sequence = self.container.sequence
         self._check = check
@@ -71,6 +91,14 @@ class SequenceDecoder:
         self._model = _model_of(self.sequence)
         attributes = coded_attributes(self.sequence.sh_degree)
         self._budget = Budget(limits or DecoderLimits(), attributes)
+        self._core = None
+        if wanted == CORE:
+            self._core = CoreDecoder.of(self.container, self._model, limits or DecoderLimits(), check=check)
+
+    @property
+    def engine(self) -> str:
+        """What decodes: files of profile `paper`, and models that the core cannot hold, are numpy's."""
+        return NUMPY if self._core is None else CORE
 
     @cached_property
     def comments(self) -> tuple[bytes, ...]:
@@ -109,16 +137,21 @@ class SequenceDecoder:
 
     def gof_frames(self, chunks: Iterator[ChunkHead]) -> Iterator[DecodedFrame]:
         """The frames whose chunks are given, beginning with an I-frame."""
-        gof = GofDecoder(self.container, self._check, self._model, self._budget)
+        gof: GofDecoder | CoreDecoder
+        if self._core is None:
+            gof = GofDecoder(self.container, self._check, self._model, self._budget)
+        else:
+            gof = self._core
+            gof.forget()
         for head in chunks:
             if head.chunk_type in (ChunkType.INTRA_FRAME, ChunkType.INTER_FRAME):
                 if head.frame_index >= self.sequence.num_frames:
                     raise CorruptBitstream("more frames than the header says", offset=head.offset)
                 is_intra = head.chunk_type == ChunkType.INTRA_FRAME
                 decode = gof.intra if is_intra else gof.inter
-                state = decode(head, lambda: _next(chunks))
+                decoded = decode(head, lambda: _next(chunks))
                 number = self._numbers[head.frame_index]
-                yield DecodedFrame(head.frame_index, number, state, self.sequence, self.comments)
+                yield DecodedFrame(head.frame_index, number, decoded, self.sequence, self.comments)
             else:
                 self._side_chunk(head)
 

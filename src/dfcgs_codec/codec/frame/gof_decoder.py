@@ -96,6 +96,19 @@ def decode_intra(reader: ByteReader, header: IntraHeader, sequence: SequenceHead
     return state
 
 
+def disagreement(head: ChunkHead) -> VerificationError:
+    """The error of a frame whose hash is not that of the file."""
+    return VerificationError(
+        f"frame {head.frame_index} decodes to other values than its encoder had: please report this file",
+        offset=head.offset,
+    )
+
+
+def missing_part(kind: ChunkType, chunk: ChunkHead) -> CorruptBitstream:
+    """The error of another chunk in the place of one that a frame announces."""
+    return CorruptBitstream(f"a frame lacks its {kind.name} chunk", offset=chunk.offset)
+
+
 class GofDecoder:
     """Decodes the frames of GoFs in turn; holds what they leave behind; `budget` is charged for them."""
 
@@ -219,7 +232,7 @@ class GofDecoder:
     def _open(self, head: ChunkHead, chunk: ChunkHead, kind: ChunkType) -> ByteReader:
         """Payload of a chunk that belongs to the frame of `head`."""
         if chunk.chunk_type != kind or chunk.frame_index != head.frame_index:
-            raise CorruptBitstream(f"a frame lacks its {kind.name} chunk", offset=chunk.offset)
+            raise missing_part(kind, chunk)
         return self._payload(chunk)
 
     def _payload(self, head: ChunkHead) -> ByteReader:
@@ -228,11 +241,7 @@ class GofDecoder:
 
     def _keep(self, state: GofState, frame_hash: bytes, head: ChunkHead) -> FrameState:
         if self._check and state.frame.hash() != frame_hash:
-            raise VerificationError(
-                f"frame {head.frame_index} decodes to other values than its encoder had: "
-                "please report this file",
-                offset=head.offset,
-            )
+            raise disagreement(head)
         self._state = state
         return state.frame
 
