@@ -3,18 +3,25 @@
    others are at most. */
 #include "nearness.h"
 
-enum { GROUP = 64, CROWD = 4096, MAX_ASKED = DFCGS_NUM_GATHERED + 1, WEIGHT_BITS = 12, RADIUS_BITS = 10 };
+enum { MAX_ASKED = DFCGS_NUM_GATHERED + 1, WEIGHT_BITS = 12, RADIUS_BITS = 10 };
+/* points are split into parts of so many, these into smaller ones */
+enum { NUM_SPLITS = 3 };
+static const uint32_t part_sizes[NUM_SPLITS] = {2048, 256, 32};
 
-/* Control points by rank, rising; coordinates in binary64, in which squared distances, below 2**45, are
- * exact. */
+/* Coordinates fit binary32 exactly, squared distances but for a part in 2**21; who is looked at more closely
+   is settled with such ones and this margin, so that nobody is missed. Who is nearest is settled with exact
+   ones. */
+static const float margin = 1 + 1.0f / (1 << 16);
+
+/* Control points by rank, rising. */
 typedef struct {
     uint32_t count;
-    double *axes[3];
+    float *axes[3];
     uint16_t *ranks;
 } candidates;
 
 typedef struct {
-    double low[3], high[3];
+    float low[3], high[3];
 } box;
 
 /* The `asked` smallest of what was seen, the first of equals first, and what they belong to. */
@@ -42,124 +49,171 @@ static void see(nearest *found, double distance, uint32_t rank) {
 
 static dfcgs_status take_candidates(dfcgs_arena *arena, uint32_t most, candidates *some) {
     some->count = 0;
-    some->ranks = DFCGS_TAKE(arena, uint16_t, most);
+    some->ranks = DFCGS_TAKE(arena, uint16_t, (size_t)most + 1);
     for (int a = 0; a < 3; a++)
-        if (!(some->axes[a] = DFCGS_TAKE(arena, double, most))) return DFCGS_MEMORY;
+        if (!(some->axes[a] = DFCGS_TAKE(arena, float, (size_t)most + 1))) return DFCGS_MEMORY;
     return some->ranks ? DFCGS_OK : DFCGS_MEMORY;
 }
 
 static box box_of(const int32_t *cells, const uint32_t *order, uint32_t count) {
     box b;
     for (int a = 0; a < 3; a++) {
-        b.low[a] = b.high[a] = cells[3 * (size_t)order[0] + a];
-        for (uint32_t i = 1; i < count; i++) {
-            double value = cells[3 * (size_t)order[i] + a];
-            b.low[a] = value < b.low[a] ? value : b.low[a];
-            b.high[a] = value > b.high[a] ? value : b.high[a];
+        int32_t low = INT32_MAX, high = INT32_MIN;
+        for (uint32_t i = 0; i < count; i++) {
+            int32_t value = cells[3 * (size_t)order[i] + (size_t)a];
+            low = value < low ? value : low;
+            high = value > high ? value : high;
         }
+        b.low[a] = (float)low;
+        b.high[a] = (float)high;
     }
     return b;
 }
 
+static float larger(float a, float b) { return a > b ? a : b; }
+
 /* Squared distances of the candidates to the nearest and to the farthest place in a box. */
-static void measure(const candidates *from, const box *b, double *near, double *far) {
+static void measure(const candidates *from, const box *b, float *restrict near, float *restrict far) {
+    const float *xs = from->axes[0], *ys = from->axes[1], *zs = from->axes[2];
     for (uint32_t c = 0; c < from->count; c++) {
-        double inner = 0, outer = 0;
-        for (int a = 0; a < 3; a++) {
-            double below = b->low[a] - from->axes[a][c], above = from->axes[a][c] - b->high[a];
-            double apart = below > above ? below : above, reach = below < above ? below : above;
-            apart = apart > 0 ? apart : 0;
-            inner += apart * apart;
-            outer += reach * reach; /* the other side of the box lies -reach away */
-        }
-        near[c] = inner;
-        far[c] = outer;
+        float left = b->low[0] - xs[c], right = xs[c] - b->high[0], dx = larger(larger(left, right), 0);
+        float under = b->low[1] - ys[c], above = ys[c] - b->high[1], dy = larger(larger(under, above), 0);
+        float front = b->low[2] - zs[c], behind = zs[c] - b->high[2], dz = larger(larger(front, behind), 0);
+        float ex = larger(-left, -right), ey = larger(-under, -above), ez = larger(-front, -behind);
+        near[c] = dx * dx + dy * dy + dz * dz;
+        far[c] = ex * ex + ey * ey + ez * ez;
     }
 }
 
-/* Those of `from` that can be among the `asked` nearest of a point in the box. */
-static void select(const candidates *from, const box *b, int asked, double *near, double *far,
-                   candidates *to) {
-    measure(from, b, near, far);
-    nearest bound = nobody(asked);
-    for (uint32_t c = 0; c < from->count; c++)
-        if (far[c] < bound.distance[asked - 1]) see(&bound, far[c], c);
-    to->count = 0;
-    for (uint32_t c = 0; c < from->count; c++) {
-        if (near[c] > bound.distance[asked - 1]) continue;
-        for (int a = 0; a < 3; a++) to->axes[a][to->count] = from->axes[a][c];
-        to->ranks[to->count++] = from->ranks[c];
+/* The places of values that are not above `bound`; `places` [count + 1]. Without a branch, which nobody could
+ * predict. */
+static uint32_t not_above(const float *values, uint32_t count, float bound, uint32_t *places) {
+    uint32_t found = 0;
+    for (uint32_t c = 0; c < count; c++) {
+        places[found] = c;
+        found += values[c] <= bound;
     }
-}
-
-static nearest nearest_of(const candidates *from, const int32_t *cell, int asked, double *squared) {
-    double x = cell[0], y = cell[1], z = cell[2];
-    for (uint32_t c = 0; c < from->count; c++) {
-        double dx = from->axes[0][c] - x, dy = from->axes[1][c] - y, dz = from->axes[2][c] - z;
-        squared[c] = dx * dx + dy * dy + dz * dz;
-    }
-    nearest found = nobody(asked);
-    for (uint32_t c = 0; c < from->count; c++)
-        if (squared[c] < found.distance[asked - 1]) see(&found, squared[c], from->ranks[c]);
     return found;
 }
 
-/* Weights (1 - d / edge)**2, where the edge is the distance of the fifth nearest. */
-static void bind(const nearest *found, dfcgs_binding *binding) {
-    int count = found->asked < DFCGS_NUM_GATHERED ? found->asked : DFCGS_NUM_GATHERED;
-    int64_t distance[MAX_ASKED] = {0}, square[DFCGS_NUM_GATHERED], total = 0, sum = 0;
-    for (int k = 0; k < found->asked; k++) distance[k] = dfcgs_root((int64_t)found->distance[k]);
-    int64_t last = distance[found->asked - 1], edge = dfcgs_max(found->asked > count ? last : 2 * last, 1);
-    *binding = (dfcgs_binding){.choice = DFCGS_BLEND};
+/* The largest of the `asked` smallest values. */
+static float bound_of(const float *values, uint32_t count, int asked) {
+    nearest found = nobody(asked);
+    float bound = __builtin_inff();
+    for (uint32_t c = 0; c < count; c++) {
+        if (values[c] >= bound) continue;
+        see(&found, values[c], c);
+        bound = (float)found.distance[asked - 1];
+    }
+    return bound;
+}
+
+/* What the search of one call works on; `lists[d]` are the candidates of a part after d splits. */
+typedef struct {
+    const int32_t *cells, *control;
+    dfcgs_binding *bindings;
+    int asked;
+    float *near, *far;
+    uint32_t *close;
+    candidates lists[1 + NUM_SPLITS];
+} search;
+
+/* Those of `from` that can be among the nearest of a point in the box. */
+static void select(search *s, const candidates *from, const box *b, candidates *to) {
+    measure(from, b, s->near, s->far);
+    to->count = not_above(s->near, from->count, bound_of(s->far, from->count, s->asked) * margin, s->close);
+    for (uint32_t j = 0; j < to->count; j++) {
+        uint32_t c = s->close[j];
+        for (int a = 0; a < 3; a++) to->axes[a][j] = from->axes[a][c];
+        to->ranks[j] = from->ranks[c];
+    }
+}
+
+static void measure_point(const candidates *from, const int32_t *cell, float *restrict squared) {
+    const float *xs = from->axes[0], *ys = from->axes[1], *zs = from->axes[2];
+    float x = (float)cell[0], y = (float)cell[1], z = (float)cell[2];
+    for (uint32_t c = 0; c < from->count; c++) {
+        float dx = xs[c] - x, dy = ys[c] - y, dz = zs[c] - z;
+        squared[c] = dx * dx + dy * dy + dz * dz;
+    }
+}
+
+/* The exact squared distance of a candidate; below 2**45. */
+static double distance_to(const search *s, const candidates *from, uint32_t c, const int32_t *cell) {
+    const int32_t *control = s->control + 3 * (size_t)from->ranks[c];
+    int64_t x = control[0] - cell[0], y = control[1] - cell[1], z = control[2] - cell[2];
+    return (double)(x * x + y * y + z * z);
+}
+
+/* The nearest of `from` to a cell: `found` were so before, and the farthest of them is an upper bound now. */
+static void find_nearest(search *s, const candidates *from, const int32_t *cell, nearest *found) {
+    float bound = 0;
+    measure_point(from, cell, s->near);
+    for (int k = 0; k < s->asked; k++) bound = larger(bound, s->near[found->rank[k]]);
+    uint32_t close = not_above(s->near, from->count, bound * margin, s->close);
+    *found = nobody(s->asked);
+    for (uint32_t j = 0; j < close; j++) {
+        double distance = distance_to(s, from, s->close[j], cell);
+        if (distance < found->distance[s->asked - 1]) see(found, distance, s->close[j]);
+    }
+}
+
+/* Weights (1 - d / edge)**2, where the edge is the distance of the fifth nearest. All are integers below
+   2**53, and the quotient of such never rounds up to an integer. */
+static void bind(const nearest *found, const uint16_t *ranks, dfcgs_binding *binding) {
+    int count = found->asked < DFCGS_NUM_GATHERED ? found->asked : DFCGS_NUM_GATHERED, sum = 0;
+    double distance[MAX_ASKED], square[DFCGS_NUM_GATHERED] = {0}, total = 0;
+    for (int k = 0; k < MAX_ASKED; k++) distance[k] = __builtin_floor(__builtin_sqrt(found->distance[k]));
+    double last = distance[found->asked - 1], edge = found->asked > count ? last : 2 * last;
+    edge = edge > 1 ? edge : 1;
     for (int k = 0; k < count; k++) {
-        int64_t reach = (1 << RADIUS_BITS) - dfcgs_quotient(distance[k] << RADIUS_BITS, edge);
+        double reach = (1 << RADIUS_BITS) - __builtin_floor(distance[k] * (1 << RADIUS_BITS) / edge);
         total += square[k] = reach * reach;
     }
+    total = total > 1 ? total : 1;
+    *binding = (dfcgs_binding){.choice = DFCGS_BLEND};
     for (int k = 0; k < DFCGS_NUM_GATHERED; k++) {
-        binding->rank[k] = (uint16_t)found->rank[k < count ? k : 0];
-        if (k < count)
-            binding->weight[k] = (uint16_t)dfcgs_quotient(square[k] << WEIGHT_BITS, dfcgs_max(total, 1));
+        binding->rank[k] = ranks[found->rank[k < count ? k : 0]];
+        binding->weight[k] = (uint16_t)(square[k] * (1 << WEIGHT_BITS) / total);
         sum += binding->weight[k];
     }
     binding->weight[0] = (uint16_t)(binding->weight[0] + (1 << WEIGHT_BITS) - sum);
 }
 
-/* What the search of one call works on. */
-typedef struct {
-    const int32_t *cells;
-    dfcgs_binding *bindings;
-    int asked;
-    double *near, *far;
-    candidates all, crowd, group;
-} search;
-
-static void gather_group(search *s, const uint32_t *order, uint32_t count) {
-    box b = box_of(s->cells, order, count);
-    select(&s->crowd, &b, s->asked, s->near, s->far, &s->group);
+static void gather_few(search *s, const uint32_t *order, uint32_t count) {
+    const candidates *from = &s->lists[NUM_SPLITS];
+    nearest found = {.asked = s->asked, .rank = {0, 1, 2, 3, 4}};
     for (uint32_t i = 0; i < count; i++) {
-        nearest found = nearest_of(&s->group, s->cells + 3 * (size_t)order[i], s->asked, s->near);
-        bind(&found, s->bindings + order[i]);
+        find_nearest(s, from, s->cells + 3 * (size_t)order[i], &found);
+        bind(&found, from->ranks, s->bindings + order[i]);
     }
 }
 
-static void gather_crowd(search *s, const uint32_t *order, uint32_t count) {
-    box b = box_of(s->cells, order, count);
-    select(&s->all, &b, s->asked, s->near, s->far, &s->crowd);
-    for (uint32_t at = 0; at < count; at += GROUP)
-        gather_group(s, order + at, count - at < GROUP ? count - at : GROUP);
+/* Parts of `count` points that were split `depth` times. */
+static void gather_parts(search *s, const uint32_t *order, uint32_t count, int depth) {
+    uint32_t size = part_sizes[depth];
+    for (uint32_t at = 0; at < count; at += size) {
+        uint32_t some = count - at < size ? count - at : size;
+        box b = box_of(s->cells, order + at, some);
+        select(s, &s->lists[depth], &b, &s->lists[depth + 1]);
+        if (depth + 1 < NUM_SPLITS)
+            gather_parts(s, order + at, some, depth + 1);
+        else
+            gather_few(s, order + at, some);
+    }
 }
 
 static dfcgs_status take_search(dfcgs_arena *arena, const int32_t *control, uint32_t num_control, search *s) {
-    DFCGS_TRY(take_candidates(arena, num_control, &s->all));
-    DFCGS_TRY(take_candidates(arena, num_control, &s->crowd));
-    DFCGS_TRY(take_candidates(arena, num_control, &s->group));
-    s->near = DFCGS_TAKE(arena, double, num_control);
-    s->far = DFCGS_TAKE(arena, double, num_control);
-    if (!s->near || !s->far) return DFCGS_MEMORY;
-    s->all.count = num_control;
+    for (int d = 0; d <= NUM_SPLITS; d++) DFCGS_TRY(take_candidates(arena, num_control, &s->lists[d]));
+    s->near = DFCGS_TAKE(arena, float, num_control);
+    s->far = DFCGS_TAKE(arena, float, num_control);
+    s->close = DFCGS_TAKE(arena, uint32_t, (size_t)num_control + 1);
+    if (!s->near || !s->far || !s->close) return DFCGS_MEMORY;
+    candidates *all = &s->lists[0];
+    all->count = num_control;
     for (uint32_t c = 0; c < num_control; c++) {
-        s->all.ranks[c] = (uint16_t)c;
-        for (int a = 0; a < 3; a++) s->all.axes[a][c] = control[3 * (size_t)c + a];
+        all->ranks[c] = (uint16_t)c;
+        for (int a = 0; a < 3; a++) all->axes[a][c] = (float)control[3 * (size_t)c + (size_t)a];
     }
     return DFCGS_OK;
 }
@@ -168,14 +222,14 @@ dfcgs_status dfcgs_gather(dfcgs_arena *arena, const int32_t *cells, uint32_t cou
                           uint32_t num_control, dfcgs_binding *bindings) {
     size_t mark = arena->used;
     search s = {.cells = cells,
+                .control = control,
                 .bindings = bindings,
                 .asked = num_control < MAX_ASKED ? (int)num_control : MAX_ASKED};
     uint32_t *order = DFCGS_TAKE(arena, uint32_t, count);
     if (!order) return DFCGS_MEMORY;
     DFCGS_TRY(take_search(arena, control, num_control, &s));
     DFCGS_TRY(dfcgs_near_order(arena, cells, count, order));
-    for (uint32_t at = 0; at < count; at += CROWD)
-        gather_crowd(&s, order + at, count - at < CROWD ? count - at : CROWD);
+    gather_parts(&s, order, count, 0);
     arena->used = mark;
     return DFCGS_OK;
 }
