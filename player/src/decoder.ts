@@ -36,7 +36,7 @@ export class FrameDecoder {
   private gof = -1;
   /** the frame that comes next in the GoF */
   next = -1;
-  bytes = 0;
+  private bytes = 0;
 
   private constructor(readonly container: Container, assets: Assets, check: boolean) {
     this.core = new Core(assets.module, modelOf(container.sequence, assets.models), container.header, check);
@@ -65,6 +65,13 @@ export class FrameDecoder {
   /** Arrays that changed since they were taken last; see Core. */
   output(wanted: number): (Float32Array | Float64Array | undefined)[] {
     return this.core.output(wanted, this.sequence.isDouble, this.sequence.shDegree);
+  }
+
+  /** Bytes of chunks since this was asked last. */
+  takeBytes(): number {
+    const { bytes } = this;
+    this.bytes = 0;
+    return bytes;
   }
 
   private restart(gof: number): void {
