@@ -17,7 +17,7 @@ DEMO := out/demo
 VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit/transform tests/unit/test_ply.py
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden cli-page clean \
+.PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden cli-page player player-package test-player clean \
 	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-paper bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts picture fitted captures
 
 help: ## list the targets
@@ -187,6 +187,19 @@ fitted: env-eval ## rebuild the fitted training sequence into out/ (about 15 min
 
 cli-page: $(STAMP) ## docs/cli.md from the definitions of the commands
 	$(BIN)/python tools/make_cli_page.py
+
+player/node_modules: player/package-lock.json
+	npm ci --prefix player --no-audit --no-fund
+	touch $@
+
+player: player/node_modules ## the player of the package, from player/ (needs Node)
+	npm run --prefix player check
+	npm run --prefix player build
+
+player-package: player/node_modules $(STAMP) ## player/dfcgs-player-*.tgz, the npm package
+	mkdir -p player/dist
+	$(BIN)/python -c "from dfcgs_codec.player.assets import assets_json; print(assets_json())" > player/dist/assets.json
+	cd player && npm pack
 
 clean: ## remove what was built
 	rm -rf out build $(VENV) .venv-oldest .venv-newest
