@@ -201,5 +201,11 @@ player-package: player/node_modules $(STAMP) ## player/dfcgs-player-*.tgz, the n
 	$(BIN)/python -c "from dfcgs_codec.player.assets import assets_json; print(assets_json())" > player/dist/assets.json
 	cd player && npm pack
 
+test-player: env-eval player-package ## the player in a real browser (chromium), and whether its build is up to date
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,eval,player]'
+	npm run --prefix player check
+	cd player && node build.mjs check
+	$(BIN)/python -m pytest tests/player
+
 clean: ## remove what was built
 	rm -rf out build $(VENV) .venv-oldest .venv-newest

@@ -1,4 +1,5 @@
 // node build.mjs            the player of the Python package: ../src/dfcgs_codec/player/player.js
+// node build.mjs check      fails where that is another
 // node build.mjs package    the npm package: dist/index.js, with the core and the models in it
 import { createHash } from "node:crypto";
 import fs from "node:fs";
@@ -51,5 +52,7 @@ if (process.argv[2] === "package") {
 } else {
   const made = await text({ entryPoints: [source("page.ts")], format: "iife", plugins: [workers] });
   // an inline script ends at the first such text
-  fs.writeFileSync(target, `// sources: ${digest()}\n${made.replaceAll("</script", "<\\/script")}`);
+  const script = `// sources: ${digest()}\n${made.replaceAll("</script", "<\\/script")}`;
+  if (process.argv[2] !== "check") fs.writeFileSync(target, script);
+  else if (fs.readFileSync(target, "utf8") !== script) throw new Error("the package has another build: run `make player`");
 }

@@ -17,7 +17,7 @@ const options = (values: (string | number)[], chosen: string | number, suffix = 
 
 const INSIDE = `<style>${STYLE}</style>
 <canvas tabindex="0" role="application" aria-label="The scene in 3D. ${HELP}"></canvas>
-<pre class="numbers" hidden aria-label="Statistics"></pre>
+<pre class="numbers" hidden aria-label="Measured"></pre>
 <div class="wait" role="status" hidden>loading</div>
 <div class="note" role="alert" hidden></div>
 <div class="panel" id="panel" role="group" aria-label="Settings" hidden>
@@ -57,7 +57,7 @@ export class DfcgsPlayer extends Base {
     try {
       this.player = new Player(this.find("canvas"), sharedAssets(), {
         opened: () => this.opened(), changed: () => this.changed(), moved: () => this.tell("camera"),
-        waiting: (is) => { this.find(".wait").hidden = !is; }, failed: (error) => this.say(error),
+        waiting: (is) => this.wait(is), failed: (error) => this.say(error),
       });
     } catch (error) {
       this.find(".bar").hidden = true;
@@ -111,6 +111,12 @@ export class DfcgsPlayer extends Base {
     this.dispatchEvent(new CustomEvent("failure", { detail: error }));
   }
 
+  /** What was wrong is of the past where nothing is waited for. */
+  private wait(is: boolean): void {
+    this.find(".wait").hidden = !is;
+    if (!is) this.find(".note").hidden = true;
+  }
+
   private find<T extends HTMLElement = HTMLElement>(selector: string): T { return this.root.querySelector<T>(selector)!; }
   private tell(name: string): void { this.dispatchEvent(new Event(name)); }
 
@@ -134,7 +140,6 @@ export class DfcgsPlayer extends Base {
     scrub.value = String(frame);
     scrub.setAttribute("aria-valuetext", `frame ${frame + 1} of ${player.numFrames}`);
     this.find("#time").textContent = text;
-    if (player.shown === frame) this.find(".note").hidden = true;
     this.tell("frame");
   }
 

@@ -56,6 +56,8 @@ export class Player {
   private ticks = 0;
   private started = 0;
   private ended = false;
+  /** how many files were opened */
+  private turn = 0;
 
   constructor(private readonly canvas: HTMLCanvasElement, private readonly assets: Promise<Assets>, private readonly events: PlayerEvents) {
     this.gl = Renderer.context(canvas);
@@ -70,9 +72,12 @@ export class Player {
     this.stream = undefined;
     [this.shown, this.position, this.sorting, this.sorted, this.isFramed] = [-1, 0, -1, undefined, this.isPosed];
     const budget = BUDGETS[Number(Math.min(screen.width, screen.height) < SMALL_SCREEN)];
-    const received = { frame: this.receive, failed: (error: PlayerError, index?: number) => this.broken(error, index) };
+    const turn = ++this.turn, received = { frame: this.receive, failed: () => this.check() };
     try {
-      this.stream = await FrameStream.open(from, await this.assets, received, budget);
+      const stream = await FrameStream.open(from, await this.assets, received, budget);
+      if (turn !== this.turn) return stream.close();
+      this.stream = stream;
+      this.renderer?.free();
       this.renderer = Renderer.on(this.gl, this.stream.sequence.shDegree);
       this.startSorter();
     } catch (error) {
@@ -97,6 +102,11 @@ export class Player {
   /** the frame that is wanted */
   get frame(): number { return Math.min(Math.floor(this.position), Math.max(0, this.numFrames - 1)); }
 
+  /** What is seen is the frame that is wanted, in its order: nothing will change by itself. */
+  get isSettled(): boolean {
+    return !this.isPlaying && this.shown === this.frame && this.sorting < 0 && !this.sorted && !this.needsOrder && !this.isDirty;
+  }
+
   play(): void {
     if (!this.isLooping && this.frame === this.numFrames - 1) this.position = 0;
     this.isPlaying = true;
@@ -115,6 +125,7 @@ export class Player {
     this.seeks = true;
     this.aim(true);
     this.events.changed();
+    this.check();
   }
 
   step(count: number): void {
@@ -138,12 +149,6 @@ export class Player {
     this.moved();
   }
 
-  /** The picture: rows of RGBA from the bottom. */
-  pixels(): { width: number; height: number; data: Uint8Array } {
-    this.draw();
-    return { width: this.canvas.width, height: this.canvas.height, data: this.renderer!.pixels() };
-  }
-
   private startSorter(): void {
     this.sorter?.terminate();
     this.sorter = startWorker();
@@ -163,11 +168,10 @@ export class Player {
     }
   };
 
-  private broken(error: PlayerError, index = 0): void {
-    // a GoF that is needed later only says so when its turn comes
-    if (this.stream?.gofOf(index) !== this.stream?.gofOf(this.frame)) return;
-    this.isPlaying = false;
-    this.fail(error);
+  /** Frames that cannot be decoded say so when their turn comes. */
+  private check(): void {
+    const error = this.stream?.get(this.frame) ? undefined : this.stream?.errorAt(this.frame);
+    if (error) this.fail(error);
   }
 
   private fail(error: PlayerError): void { this.isPlaying = false; this.events.failed(error); this.events.changed(); }
@@ -199,7 +203,7 @@ export class Player {
     if (wanted >= this.numFrames && !this.isLooping) return this.pause();
     if (this.position >= this.numFrames) this.position -= this.numFrames;
     const next = (this.frame + 1) % this.numFrames;
-    if (isWaiting && stream.isBroken(next)) { this.seek(next); this.broken(new PlayerError("corrupt", `frame ${next} cannot be decoded: the file is damaged there`), next); }
+    if (isWaiting && stream.errorAt(next)) this.seek(next);
   }
 
   /** What was sorted is seen now. */

@@ -74,12 +74,8 @@ export class Renderer {
     gl.disable(gl.BLEND);
   }
 
-  /** The picture as it is now: rows of RGBA from the bottom. */
-  pixels(): Uint8Array {
-    const { gl } = this, out = new Uint8Array(gl.drawingBufferWidth * gl.drawingBufferHeight * 4);
-    gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, out);
-    return out;
-  }
+  /** Gives its textures back. */
+  free(): void { for (const texture of this.textures.values()) this.gl.deleteTexture(texture); }
 
   private project({ view: v, focal, near, width, height }: Lens): void {
     const { gl } = this;
@@ -112,7 +108,7 @@ export class Renderer {
     const { gl } = this, texels = texelsOf(this.degree), most = gl.getParameter(gl.MAX_TEXTURE_SIZE) as number;
     if (rows * texels > most)
       throw new PlayerError("browser", `this graphics card draws at most ${Math.floor(most / texels) * ROW} Gaussians of this kind`);
-    for (const texture of this.textures.values()) gl.deleteTexture(texture);
+    this.free();
     this.rows = rows;
     this.texture("moving", gl.RGBA32UI, rows);
     this.texture("fixedPart", gl.RGBA32F, rows);

@@ -6,11 +6,11 @@ import { PlayerError, raised } from "./errors";
 import type { PackedFrame, Part } from "./pack";
 import type { Decoded, FromDecoder, Open, Opened, Want } from "./worker";
 
+let url: string | undefined;
+
 export function startWorker(): Worker {
-  const url = URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
-  const worker = new Worker(url);
-  URL.revokeObjectURL(url);
-  return worker;
+  url ??= URL.createObjectURL(new Blob([code], { type: "text/javascript" }));
+  return new Worker(url);
 }
 
 /** frames that a worker is told of at once */
@@ -43,7 +43,8 @@ class Decoder {
 
 export interface StreamEvents {
   frame(frame: PackedFrame, ms: { decode: number; pack: number }): void;
-  failed(error: PlayerError, index?: number): void;
+  /** `errorAt` has something to say */
+  failed(): void;
 }
 
 export class FrameStream {
@@ -51,7 +52,8 @@ export class FrameStream {
   readonly gofs: Gof[];
   readonly size: number;
   private readonly frames = new Map<number, PackedFrame>();
-  private readonly broken = new Set<number>();
+  /** by GoF: the first frame that cannot be decoded, and why */
+  private readonly broken = new Map<number, { index: number; error: PlayerError }>();
   private frameBytes = 1;
   private target = 0;
   private isLooping = true;
@@ -81,7 +83,11 @@ export class FrameStream {
   close(): void { for (const { worker } of this.decoders) worker.terminate(); }
 
   get(index: number): PackedFrame | undefined { return this.frames.get(index); }
-  isBroken(index: number): boolean { return this.broken.has(this.gofOf(index)); }
+  /** Why a frame cannot be decoded, where that is known. */
+  errorAt(index: number): PlayerError | undefined {
+    const found = this.broken.get(this.gofOf(index));
+    return found && index >= found.index ? found.error : undefined;
+  }
   gofOf(index: number): number { return gofAt(this.gofs, index); }
   keyOf(index: number): number { return this.gofs[this.gofOf(index)].first; }
 
@@ -108,7 +114,7 @@ export class FrameStream {
     const { numFrames } = this.sequence, wishes: number[][] = this.decoders.map(() => []);
     const add = (index: number) => {
       const mine = wishes[this.gofOf(index) % this.decoders.length];
-      if (!this.frames.has(index) && !this.isBroken(index) && mine.length < WISHES && !mine.includes(index)) mine.push(index);
+      if (!this.frames.has(index) && !this.errorAt(index) && mine.length < WISHES && !mine.includes(index)) mine.push(index);
     };
     if (key !== undefined) add(key);
     for (let i = 0; i < this.room && wishes.some((mine) => mine.length < WISHES); i++) {
@@ -132,7 +138,7 @@ export class FrameStream {
   }
 
   private receive(decoder: Decoder, data: FromDecoder): void {
-    if ("failed" in data) return this.fail(data.failed.index ?? this.target, raised(data.failed.error));
+    if ("failed" in data) return this.fail(decoder, data.failed.index ?? this.target, raised(data.failed.error));
     if (!("frame" in data)) return;
     const frame = decoder.complete(data.frame), own = frame.moving.byteLength;
     const parts = [data.frame.fixed.data, data.frame.sh.data].reduce((sum, part) => sum + (part?.byteLength ?? 0), 0);
@@ -145,9 +151,11 @@ export class FrameStream {
     this.ask();
   }
 
-  private fail(index: number, error: PlayerError): void {
-    this.broken.add(this.gofOf(index));
-    this.events.failed(error, index);
+  private fail(decoder: Decoder, index: number, error: PlayerError): void {
+    this.broken.set(this.gofOf(index), { index, error });
+    this.events.failed();
+    decoder.asked = "";
+    this.ask();
   }
 }
 
@@ -159,6 +167,6 @@ function opening({ worker }: Decoder, from: string | Blob, assets: Assets): Prom
     };
     worker.onerror = (event) => refuse(new PlayerError("browser", `a worker does not start: ${event.message ?? "refused"}`));
     // addresses in a worker that comes from a Blob are relative to nothing
-    worker.postMessage({ open: typeof from === "string" ? new URL(from, location.href).href : from, assets } satisfies Open);
+    worker.postMessage({ open: typeof from === "string" ? new URL(from, document.baseURI).href : from, assets } satisfies Open);
   });
 }

@@ -17,7 +17,7 @@ button[aria-pressed=true] { color: #6cf; }
 .panel { position: absolute; right: 8px; bottom: 56px; max-width: calc(100% - 16px); max-height: calc(100% - 72px); overflow: auto;
   box-sizing: border-box; padding: 10px 14px; background: #181c22f2; border-radius: 8px; display: grid; grid-template-columns: auto auto;
   gap: 8px 12px; align-items: center; }
-.panel[hidden], .note[hidden], .numbers[hidden], .wait[hidden] { display: none; }
+.bar[hidden], .panel[hidden], .note[hidden], .numbers[hidden], .wait[hidden] { display: none; }
 select, .panel input { background: #2a3038; border: 1px solid #556; border-radius: 5px; padding: 3px 5px; }
 .numbers { position: absolute; left: 8px; top: 8px; margin: 0; padding: 6px 10px; background: #000a; border-radius: 6px;
   font: 12px/1.5 ui-monospace, monospace; pointer-events: none; white-space: pre; }

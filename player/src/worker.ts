@@ -72,7 +72,7 @@ class DecodingWorker {
         this.wanted = [];
         this.fixedId = this.shId = -1;
         this.arrays = [];
-        send({ failed: { error: plain(error), index } });
+        send({ failed: { error: plain(error), index: this.decoder.next } });
       }
       await pause();
     }

@@ -61,7 +61,12 @@ def test_the_page_and_its_file(server: PlayerServer) -> None:
 
 @pytest.mark.parametrize(
     ("header", "start", "stop"),
-    [("bytes=0-99", 0, 100), ("bytes=1000-", 1000, SIZE), ("bytes=-15", SIZE - 15, SIZE), ("bytes=5-5", 5, 6)],
+    [
+        ("bytes=0-99", 0, 100),
+        ("bytes=1000-", 1000, SIZE),
+        ("bytes=-15", SIZE - 15, SIZE),
+        ("bytes=5-5", 5, 6),
+    ],
 )
 def test_parts(server: PlayerServer, header: str, start: int, stop: int) -> None:
     status, headers, body = answer(server, f"{urlsplit(server.url).path}0.dgs", Range=header)
@@ -82,8 +87,21 @@ def test_ranges_that_are_not_known_get_the_whole(header: str | None) -> None:
 
 def test_nothing_else_is_reachable(server: PlayerServer) -> None:
     root = urlsplit(server.url).path
-    others = ["/", "/0.dgs", root[:-1], f"{root[:-2]}/", f"{root}secret.txt", f"{root}scene.dgs", f"{root}1.dgs"]
-    others += [f"{root}../secret.txt", f"{root}%2e%2e/secret.txt", f"{root}/etc/passwd", f"{root}0.dgs/../secret.txt"]
+    others = [
+        "/",
+        "/0.dgs",
+        root[:-1],
+        f"{root[:-2]}/",
+        f"{root}secret.txt",
+        f"{root}scene.dgs",
+        f"{root}1.dgs",
+    ]
+    others += [
+        f"{root}../secret.txt",
+        f"{root}%2e%2e/secret.txt",
+        f"{root}/etc/passwd",
+        f"{root}0.dgs/../secret.txt",
+    ]
     for path in others:
         status, _, body = answer(server, path)
         assert (status, body) == (404, b""), path

@@ -40,8 +40,8 @@ def _embedded(file: Path) -> Shown:
     size = file.stat().st_size
     if size > _MOST_EMBEDDED:
         raise InputError(
-            f"{file} has {size >> 20} MiB, a page holds {_MOST_EMBEDDED >> 20} MiB at most; --link leaves the "
-            "file beside the page"
+            f"{file} has {size >> 20} MiB, a page holds {_MOST_EMBEDDED >> 20} MiB at most; --link leaves "
+            "the file beside the page"
         )
     return Shown(file.name, path=file)
 

@@ -18,9 +18,9 @@ from dfcgs_codec.cli.refusal import refused_by_name
 from dfcgs_codec.codec.frame.probe import probe
 from dfcgs_codec.encoder.plan.options import EncoderOptions
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.ply import InputPolicy
 from dfcgs_codec.player.page import Shown, page
 from dfcgs_codec.player.server import HOST, PlayerServer
+from dfcgs_codec.ply import InputPolicy
 from dfcgs_codec.sequence import open_frames
 
 _EPILOG = """
@@ -89,11 +89,7 @@ def _serve(server: PlayerServer, *, opens_browser: bool, quiet: bool) -> None:
 @VIEWS
 @click.option("--quiet", "-q", is_flag=True, help="Print the address and errors only.")
 def view(inputs: tuple[Path, ...], **values: Any) -> None:
-    """Show INPUT, a .dgs file or a folder of PLY frames, in the browser; with OTHER, both side by side.
-
-    The page and the files are served on this machine alone, to whoever knows the address. A folder is shown
-    as it is, without loss.
-    """
+    """Show INPUT, a .dgs file or the PLY frames of a folder, in the browser; with OTHER, both side by side."""
     if len(inputs) > _MOST_INPUTS:
         raise click.UsageError(f"{len(inputs)} inputs were named; one is shown, or two side by side")
     with ExitStack() as stack:
@@ -102,9 +98,7 @@ def view(inputs: tuple[Path, ...], **values: Any) -> None:
         paths = [
             _file(path, folder / name, values["quiet"]) for path, name in zip(inputs, names, strict=True)
         ]
-        shown = [
-            Shown(path.resolve().name, url=name) for path, name in zip(inputs, names, strict=True)
-        ]
+        shown = [Shown(path.resolve().name, url=name) for path, name in zip(inputs, names, strict=True)]
         html = "".join(page(shown, values["up"], start_view(values["views"], paths[0])))
         server = _server(html.encode(), dict(zip(names, paths, strict=True)), values["port"])
         _serve(server, opens_browser=not values["no_browser"], quiet=values["quiet"])
