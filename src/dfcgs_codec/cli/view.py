@@ -89,7 +89,7 @@ def _serve(server: PlayerServer, *, opens_browser: bool, quiet: bool) -> None:
 @VIEWS
 @click.option("--quiet", "-q", is_flag=True, help="Print the address and errors only.")
 def view(inputs: tuple[Path, ...], **values: Any) -> None:
-    """Show INPUT, a .dgs file or the PLY frames of a folder, in the browser; with OTHER, both side by side."""
+    """Show INPUT, a .dgs file or the PLY frames of a folder, in the browser; with OTHER, side by side."""
     if len(inputs) > _MOST_INPUTS:
         raise click.UsageError(f"{len(inputs)} inputs were named; one is shown, or two side by side")
     with ExitStack() as stack:
