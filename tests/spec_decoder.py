@@ -1307,11 +1307,8 @@ class MotionField:
         # 14.1: levels begin at 0, 1, 4, 16, ...; those of the first gather from none
         starts = [0, *(4**level for level in range(count) if 4**level < count)]
         self.binding: list[Gathered | None] = []
-        #: the level of each control point, and where it ends
-        self.levels: list[tuple[int, int]] = []
-        for level, (start, stop) in enumerate(zip(starts, [*starts[1:], count], strict=True)):
+        for start, stop in zip(starts, [*starts[1:], count], strict=True):
             for cell in own_cells[start:stop]:
-                self.levels.append((level, stop))
                 self.binding.append(gather(cell, own_cells[:start]) if start > 0 else None)
         self.habit_t, self.habit_v = zeros(count), zeros(count)
         self.t, self.v, self.matrices = zeros(count), zeros(count), [zeros(3)] * count
@@ -1416,15 +1413,13 @@ class MotionField:
 
     def _prior_inputs(self, k: int, habit: Row) -> Row:
         """14.3: x."""
-        level, stop = self.levels[k]
-        x = [16 * level, log(size(self.last.symbols[k])), log(size(habit))]
+        x = [log(size(self.last.symbols[k])), log(size(habit))]
         point = self.binding[k]
         if point is None:
             x += [0, 0]
         else:
             efforts = [effort >> 4 for effort in point.effort]
             x += [efforts[point.choice], max(efforts) - min(efforts)]
-        x.append(64 if stop == len(self.pivot) else 0)
         return [min(value, 255) for value in x]
 
     def _displace(self, k: int, x: Row) -> Row:
@@ -2056,9 +2051,8 @@ class Prior:
     model: PriorModel
     points: list[Gathered]
     follows: list[bool]
-    #: activity in the frame before, and in this frame so far
+    #: activity in the frame before
     past: dict[int, Activity]
-    present: dict[int, Activity]
     attribute: int = POSITION
     before: Activity = field(default_factory=lambda: Activity([], [], [], []))
     coarseness: Row = field(default_factory=list)
@@ -2071,8 +2065,7 @@ class Prior:
         x += [64 if point.choice == 0 else 0, 64 if self.follows[i] else 0, 2 * self.coarseness[i]]
         x += [log(size(self.before.symbols[i])), log(running), log(size(memory))]
         x += [factor * c for factor, c in zip((16, 16, 4), classes, strict=True)]
-        sources = [self.present.get(a) for a in range(SH_DC + 1)]
-        sources += [self.past.get(a) if a != self.attribute else None for a in (POSITION, ROTATION)]
+        sources = [self.past.get(a) if a != self.attribute else None for a in (POSITION, ROTATION)]
         x += [log(size(activity.symbols[i])) if activity else 0 for activity in sources]
         x += [64 if min(self.attribute, SH_DC + 1) == a else 0 for a in range(SH_DC + 2)]
         return [min(value, 255) for value in x]
@@ -2444,7 +2437,7 @@ def residual(fields: Fields, gof: Gof, steps: Steps, motion: MotionSymbols | Non
     beside = motion.mode if motion else [0] * count
     follows = motion.follows if motion else [False] * n
     assert gof.prior is not None
-    prior = Prior(gof.prior, gof.points, follows, gof.history, activity)
+    prior = Prior(gof.prior, gof.points, follows, gof.history)
     attributes = sorted(steps.steps)
     streams = open_streams(fields, len(attributes))
     for attribute, stream in zip(attributes, streams, strict=True):

@@ -28,7 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
     training = commands.add_parser("train", help="networks and tables from the recordings")
     training.add_argument("--out", type=Path, required=True, help="NAME of the model: NAME.npz, NAME.json")
     training.add_argument("--steps", type=int, default=6000, help="of each network")
-    training.add_argument("--width", type=int, default=16, help="of both hidden layers")
+    training.add_argument("--width", type=int, default=8, help="of both hidden layers")
     training.add_argument("--seed", type=int, default=1)
     training.add_argument("--without", nargs="*", default=[], help="groups of inputs that are not looked at")
     training.add_argument("--without-kinds", action="store_true", help="tables by class alone")
