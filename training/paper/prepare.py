@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float16, Float64, Int64
 from dfcgs_codec.bitstream.constants import MAX_DECAY_EXPONENT, Attribute, Profile
 from dfcgs_codec.bitstream.motion_header import SpreadHeader
 from dfcgs_codec.codec.motion.compensation import ControlSource
@@ -27,8 +27,6 @@ from dfcgs_codec.sequence import MemorySource
 from lab.assets import find_asset
 from lab.scenes.catalogue import Scene, group, scene
 from training.paper.gof import NUM_FRAMES, Gof, camera_row, normalisation
-
-Int64 = npt.NDArray[np.int64]
 
 #: frame steps, and QPs of I-frames, in turn; the number of GoFs of a sequence is that of the steps
 STRIDES = (1, -1, 2, 1, -2, 1, 3, -1)
@@ -163,9 +161,7 @@ def prepare_gof(
     )
 
 
-def _pictures(
-    clouds: list[GaussianCloud], up: str, num_views: int
-) -> tuple[npt.NDArray[np.float16], npt.NDArray[np.float64]]:
+def _pictures(clouds: list[GaussianCloud], up: str, num_views: int) -> tuple[Float16, Float64]:
     """Images of the P-frames and their cameras, as `Gof` has them; without views no renderer is needed."""
     if not num_views:
         return np.zeros((0, len(clouds) - 1, 1, 1, 3), np.float16), np.zeros((0, 20))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.escapes import Escapes
@@ -14,7 +15,6 @@ from dfcgs_codec.bitstream.io import ByteReader
 from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
-from dfcgs_codec.codec.columns.coder import Int64
 from dfcgs_codec.codec.columns.reader import SymbolReader
 from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
 from dfcgs_codec.codec.frame.limits import Budget, FrameCharge

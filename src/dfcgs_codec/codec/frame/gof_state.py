@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
@@ -21,8 +21,6 @@ from dfcgs_codec.codec.state.visibility import Visibility
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.lod import GofLevels
 from dfcgs_codec.transform.rotation import round_divide
-
-Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

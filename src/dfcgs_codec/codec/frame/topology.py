@@ -6,19 +6,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
+from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.codec.columns.column import code_permutation
 from dfcgs_codec.codec.intra.walk import IntraGoal, IntraShape, code_intra
 from dfcgs_codec.codec.state.planes import FrameState
 from dfcgs_codec.entropy.symbols import Groups, code_with_models
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.lod import order_levels
-
-Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

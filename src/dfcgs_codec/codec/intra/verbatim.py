@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Floats, Int64, UInt8
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder, UInt8
+from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.codec.columns.column import code_permutation
 from dfcgs_codec.codec.state.planes import SH_BANDS, FrameState, Plane, sh_bands, sh_rest_of_bands
 from dfcgs_codec.entropy.symbols import Groups, code_bits, code_with_models
@@ -20,8 +20,6 @@ from dfcgs_codec.transform.companding import compress
 from dfcgs_codec.transform.lod import order_levels
 from dfcgs_codec.transform.rotation import from_float
 
-Float32 = npt.NDArray[np.float32]
-Floats = npt.NDArray[np.floating]
 _BYTE = 256
 _NUM_CONTEXTS = 8
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, ChunkType, IntraKind, Tool
 from dfcgs_codec.bitstream.container import write_chunk
 from dfcgs_codec.bitstream.frame_headers import (
@@ -30,8 +30,6 @@ from dfcgs_codec.codec.state.planes import FrameState, Plane, empty_state, verba
 from dfcgs_codec.encoder.columns.streams import Streams
 from dfcgs_codec.encoder.intra.intra_plan import IntraTarget
 from dfcgs_codec.encoder.motion.motion_choice import MotionTrial
-
-Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Floats, Int64, UInt64
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, ChunkType, Precision, Tool
 from dfcgs_codec.bitstream.container import write_chunk
 from dfcgs_codec.bitstream.escapes import Escapes
@@ -21,10 +21,6 @@ from dfcgs_codec.codec.state.planes import array_of_columns, columns_of
 from dfcgs_codec.encoder.frame.frame_coding import CodedFrame
 from dfcgs_codec.encoder.plan.position_grid import far_ones
 from dfcgs_codec.gaussians import GaussianCloud
-
-Int64 = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.floating]
 
 #: largest magnitude that a grid is taken to hold: errors of coarse steps must not lead out of the state
 _HELD = STATE_LIMIT - (1 << 25)
@@ -50,7 +46,7 @@ class Grids:
         found: dict[str, Floats] = {}
         rows: list[Int64] = []
         columns: list[Int64] = []
-        patterns: list[npt.NDArray[np.uint64]] = []
+        patterns: list[UInt64] = []
         for name, first, values in columns_of(cloud):
             limit = self._limit(name)
             on_grid = self._taken_from_origin(values) if name == "positions" else values
@@ -130,7 +126,7 @@ def _stand_ins(values: Floats, off: Bool, name: str, limit: float, held: Floats 
     return np.where(off, border, values).astype(values.dtype)
 
 
-def _patterns(values: Floats, is_wide: bool) -> npt.NDArray[np.uint64]:
+def _patterns(values: Floats, is_wide: bool) -> UInt64:
     kinds = (np.float64, np.uint64) if is_wide else (np.float32, np.uint32)
     if values.dtype == kinds[0]:
         return values.view(kinds[1]).astype(np.uint64)

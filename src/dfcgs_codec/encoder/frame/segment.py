@@ -10,8 +10,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder, Profile
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.codec.frame.gof_state import GofState
@@ -45,9 +45,6 @@ from dfcgs_codec.encoder.residual.quantise import Planes
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.registry import latent_model
 from dfcgs_codec.sequence import FrameSource
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 #: a P-frame that costs more than this share of the last I-frame has an I-frame tried beside it
 _TRY_INTRA_SHARE = 0.7

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Float64, Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.motion.compensation import Carried, GofMotion
@@ -29,10 +29,6 @@ from dfcgs_codec.encoder.residual.block_classes import classify_modes
 from dfcgs_codec.encoder.residual.quantise import Planes, moved_rows
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.rotation import STEREO_ONE
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 #: translations are this share of the position step, so that their rounding does not show
 TRANSLATION_SHARE = 1 / 8

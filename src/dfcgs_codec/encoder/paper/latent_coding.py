@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64, Integers
 from dfcgs_codec.bitstream.constants import (
     MAX_DECAY_EXPONENT,
     ROTATION_FRACTION_BITS,
@@ -29,9 +29,6 @@ from dfcgs_codec.model.latent_model import LATENT_BITS, LatentModel, latents_of
 from dfcgs_codec.model.layers import ACTIVATION_LIMIT
 from dfcgs_codec.transform.normalisation import NORMAL_BITS
 
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
-
 #: octaves of FreqEnc, and fraction bits of its sines
 _OCTAVES = 12
 _SINE_BITS = 12
@@ -55,7 +52,7 @@ def frequency_encoding(values: Float64) -> Int64:
     return encoded.astype(np.int64)
 
 
-def _aligned(target: Int64, reference: npt.NDArray[np.integer]) -> Int64:
+def _aligned(target: Int64, reference: Integers) -> Int64:
     """Quaternions (N, 4) with the signs that bring them next to those of the reference."""
     # q and -q are the same rotation
     opposite = (target.astype(np.float64) * reference).sum(axis=1, keepdims=True) < 0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
 from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.codec.frame.gof_state import GofState
@@ -34,8 +34,6 @@ from dfcgs_codec.encoder.residual.quantise import (
     ZeroBin,
     inter_symbols,
 )
-
-Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ class InterCoder:
         self._plan = plan
         self._quantisation, self._slack_share = plan.quantisation, SLACK
         self._intra_steps: IntraSteps | None = None
-        self._known_slack: tuple[Visibility, dict[Attribute, npt.NDArray[np.int64]]] | None = None
+        self._known_slack: tuple[Visibility, dict[Attribute, Int64]] | None = None
         self._known_levels: tuple[Visibility, dict[Attribute, int]] | None = None
 
     def begin(self, steps: IntraSteps) -> None:
@@ -137,7 +135,7 @@ class InterCoder:
             known = self._known_levels = (visibility, levels)
         return known[1]
 
-    def slack(self, state: GofState) -> dict[Attribute, npt.NDArray[np.int64]]:
+    def slack(self, state: GofState) -> dict[Attribute, Int64]:
         """Steps that the Gaussians had in a coded I-frame: errors that these left are not mended now."""
         if self._intra_steps is None:
             return {}
