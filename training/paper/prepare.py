@@ -13,7 +13,7 @@ from dfcgs_codec.bitstream.constants import MAX_DECAY_EXPONENT, Attribute, Profi
 from dfcgs_codec.bitstream.motion_header import SpreadHeader
 from dfcgs_codec.codec.motion.compensation import ControlSource
 from dfcgs_codec.codec.state.planes import SH_BANDS, FrameState
-from dfcgs_codec.encoder.frame.frame_coding import IntraTask, code_intra_frame
+from dfcgs_codec.encoder.frame.frame_coding import IntraTask, coded_intra
 from dfcgs_codec.encoder.frame.targets import Planes, Targets
 from dfcgs_codec.encoder.matching.identity import Members
 from dfcgs_codec.encoder.plan.allocation import Placing
@@ -112,7 +112,7 @@ def _decoded_first(plan: SequencePlan, planes: Planes) -> tuple[FrameState, Memb
         members.target(planes), order, quantisation, plan.options.tuning.intra_zero_bin
     )
     task = IntraTask(replace(wanted, keeps_names=True), grid)
-    return code_intra_frame(0, task, plan.gof_setup).state.frame, members
+    return coded_intra(plan.writer(0), task, plan.control).state.frame, members
 
 
 def prepare_gof(
@@ -135,10 +135,10 @@ def prepare_gof(
     later = [members.target(targets.planes(cloud)) for cloud in clouds[1:]]
     first = {attribute: plane.wide() for attribute, plane in state.planes.items()}
     frames = [first, *later]
-    source = ControlSource(state.planes[Attribute.POSITION], plan.gof_setup.control)
+    source = ControlSource(state.planes[Attribute.POSITION], plan.control)
     centre, extent_log2 = normalisation(first[Attribute.POSITION])
     # distances in units of the normalised scene: networks do not see how large a scene unit is
-    exponent = plan.gof_setup.control.shift - extent_log2
+    exponent = plan.control.shift - extent_log2
     exponent = int(np.clip(exponent, -MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT))
     spreading = source.spreading(SpreadHeader(layout.num_neighbours, exponent))
     units = plan.header.unit_exponents

@@ -18,12 +18,12 @@ import numpy as np
 
 from dfcgs_codec import GaussianCloud
 from dfcgs_codec.array_types import Bool, Floats, Int64
-from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute
+from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute, OutputOrder, Profile
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
-from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.frame.gof_state import GofSetup
+from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec.state.planes import SH_BANDS, output
-from dfcgs_codec.encoder.frame.frame_coding import CodedFrame, IntraTask, code_intra_frame
+from dfcgs_codec.encoder.frame.chunk_writer import FrameWriter
+from dfcgs_codec.encoder.frame.frame_coding import CodedFrame, IntraTask, coded_intra
 from dfcgs_codec.encoder.frame.report import attribute_errors
 from dfcgs_codec.encoder.frame.targets import Targets, ordered
 from dfcgs_codec.encoder.intra.intra_plan import IntraPlan
@@ -36,7 +36,10 @@ from lab.record import write_result
 
 _SCENES = ("plant_114k_sh0.ply", "playbot_31k_sh2.ply", "playbot_125k_sh2.ply", "sushi_77k_sh3.ply")
 _UNITS = UnitExponents(position=-24, scale=-18, opacity=-18, color=-18)
-_SETUP = GofSetup(ControlHeader(70, 0), _UNITS)
+_CONTROL = ControlHeader(70, 0)
+_SEQUENCE = SequenceHeader(
+    Profile.MAIN, 3, 3, OutputOrder.FREE, (30, 1), FrameNumbers.of([0]), _UNITS, "", bytes(8)
+)
 Errors = dict[str, Floats]
 
 
@@ -74,7 +77,7 @@ class IntraFrame:
         order, grid = plan.order(self._renamed[Attribute.POSITION])
         target = plan.target(ordered(self._renamed, order), order, quantisation, 0.5)
         task = IntraTask(replace(target, keeps_names=keeps_names), grid)
-        return code_intra_frame(0, task, _SETUP), order
+        return coded_intra(FrameWriter(_SEQUENCE, None, 0), task, _CONTROL), order
 
     def errors(self, real: dict[Attribute, float]) -> tuple[Errors, Int64]:
         """Errors per Gaussian, in the order returned with them."""

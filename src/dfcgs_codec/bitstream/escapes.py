@@ -47,6 +47,10 @@ class Escapes:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def streams(self, sh_degree: int) -> list[str]:
+        """It has none."""
+        return []
+
     def write(self, writer: ByteWriter) -> None:
         """Count, rows by their differences, columns, patterns."""
         writer.uvarint(len(self))

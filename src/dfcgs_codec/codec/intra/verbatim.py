@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -107,6 +107,13 @@ def code_verbatim(
             given = None if symbols is None else symbols.permutation
             permutation = code_permutation(next_coder(), given, lod, np.zeros(count, np.int64))
     return VerbatimSymbols(result, permutation)
+
+
+def state_of_columns(symbols: VerbatimSymbols, units: UnitExponents) -> FrameState:
+    """The state that a `ply` I-frame leaves behind."""
+    state = state_of(cloud_of_columns(symbols.columns), units)
+    permutation = symbols.permutation
+    return replace(state, order=None if permutation is None else Plane(permutation[:, None]))
 
 
 def cloud_of_columns(columns: list[Float32]) -> GaussianCloud:

@@ -16,8 +16,6 @@ from dfcgs_codec.entropy.symbols import Groups, code_with_models
 #: classes of blocks: all Gaussians stand still, all follow, each has a flag
 STILL, FOLLOW, MIXED = range(3)
 NUM_MODES = 3
-#: modes and follow flags; control points
-NUM_MOTION_STREAMS = 2
 
 
 @dataclass(frozen=True)

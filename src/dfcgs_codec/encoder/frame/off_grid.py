@@ -11,14 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dfcgs_codec.array_types import Bool, Floats, Int64, UInt64
-from dfcgs_codec.bitstream.constants import STATE_LIMIT, ChunkType, Precision, Tool
-from dfcgs_codec.bitstream.container import write_chunk
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, Precision
 from dfcgs_codec.bitstream.escapes import Escapes
-from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
-from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
-from dfcgs_codec.bitstream.sequence_header import SequenceHeader, UnitExponents
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.state.planes import array_of_columns, columns_of
-from dfcgs_codec.encoder.frame.frame_coding import CodedFrame
 from dfcgs_codec.encoder.plan.position_grid import far_ones
 from dfcgs_codec.gaussians import GaussianCloud
 
@@ -143,48 +139,3 @@ def in_gof_order(escapes: Escapes, members: Int64) -> Escapes:
     return replace(
         escapes, rows=rows[order], columns=escapes.columns[order], patterns=escapes.patterns[order]
     )
-
-
-def _same(a: Escapes | None, b: Escapes | None) -> bool:
-    empty = [found is None or not len(found) for found in (a, b)]
-    if any(empty):
-        return all(empty)
-    assert a is not None
-    assert b is not None
-    return a.payload() == b.payload()
-
-
-def with_escapes(
-    coded: CodedFrame, index: int, escapes: Escapes | None, sequence: SequenceHeader
-) -> CodedFrame:
-    """`coded` with its escapes, rows in GoF order: a header that says so, their chunk behind all others."""
-    if _same(coded.state.frame.escapes, escapes):
-        return coded
-    escapes = escapes or Escapes.none()
-    frame = replace(coded.state.frame.on_grid(), escapes=escapes)
-    header, streams, chunks = _opened(coded, sequence)
-    kind = ChunkType.INTRA_FRAME
-    if isinstance(header, InterHeader):
-        kind = ChunkType.INTER_FRAME
-        header = replace(header, tools=header.tools | {Tool.ESCAPE})
-    else:
-        header = replace(header, has_escapes=True)
-    writer = ByteWriter()
-    replace(header, frame_hash=frame.hash()).write(writer)
-    writer.raw(streams)
-    data = write_chunk(kind, index, writer.getvalue()) + chunks
-    data += write_chunk(ChunkType.ESCAPES, index, escapes.payload())
-    state = replace(coded.state, frame=frame)
-    return replace(coded, data=data, kind="P" if coded.kind == "skip" else coded.kind, state=state)
-
-
-def _opened(coded: CodedFrame, sequence: SequenceHeader) -> tuple[IntraHeader | InterHeader, bytes, bytes]:
-    """Header of the frame's first chunk, what follows in its payload, and the chunks behind it."""
-    reader = ByteReader(coded.data)
-    reader.u8()
-    reader.uvarint()
-    payload = ByteReader(reader.raw(reader.uvarint()))
-    reader.u32()
-    kind = IntraHeader if coded.kind == "I" else InterHeader
-    header = kind.read(payload, sequence)
-    return header, payload.raw(payload.remaining), reader.raw(reader.remaining)

@@ -15,17 +15,17 @@ from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder, Profile
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.codec.frame.gof_state import GofState
-from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.codec.residual.classes import InterSymbols
 from dfcgs_codec.encoder.frame.announced import check_announced
 from dfcgs_codec.encoder.frame.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame.frame_coding import (
     IntraTask,
-    code_empty_frame,
-    code_intra_frame,
-    code_repetition,
-    code_verbatim_frame,
+    coded_empty,
+    coded_inter,
+    coded_intra,
+    coded_verbatim,
 )
-from dfcgs_codec.encoder.frame.off_grid import Grids, in_gof_order, with_escapes
+from dfcgs_codec.encoder.frame.off_grid import Grids, in_gof_order
 from dfcgs_codec.encoder.frame.reference import CodedGof, CodedReference, CodedSegment, InputFrame, RunStart
 from dfcgs_codec.encoder.frame.report import FrameRecord
 from dfcgs_codec.encoder.frame.targets import Targets, ordered, wide_planes
@@ -95,7 +95,7 @@ class SegmentEncoder:
                 if index + 1 < stop:
                     ahead = beside.submit(self._read, index + 1)
                 segment.report.notes += frame.notes
-                loop = self._escaped(index, self._next(index, frame, loop), frame.escapes)
+                loop = self._escaped(self._next(index, frame, loop), frame.escapes)
                 segment.report.held_frames += loop.is_held
                 if frame.escapes is not None:
                     segment.report.num_escapes += len(frame.escapes)
@@ -194,7 +194,8 @@ class SegmentEncoder:
             state = state.survivors(kept)
         target_before = before.target if succession.all_survive else ordered(before.target, kept)
         same = (before.planes, before.target) if members is before.members else None
-        task = InterTask(index, members.target(planes, same), target_before, state, births)
+        target = members.target(planes, same)
+        task = InterTask(index, target, target_before, state, before.coded.state, births)
         held = False
         if self._latent_coder is not None:
             coded = self._latent_coder.code(index, task.target, task.before, state)
@@ -204,14 +205,13 @@ class SegmentEncoder:
         unit = 2.0**self._plan.header.unit_exponents.position
         went = task.target[Attribute.POSITION] - task.before[Attribute.POSITION]
         moved: Float64 = went.astype(np.float64) * unit
-        target = task.target
         if births is not None and coded.source is not None:
             source = coded.source
             born = self._settled_births(births, coded.state, source)
             members = members.merge(born, source)
             came = births.target if born is births.members else born.target(planes)
             target = {a: np.concatenate([v, came[a]])[source] for a, v in target.items()}
-            unknown = np.full((births.change.num_births, 3), np.nan)
+            unknown = np.full((len(births), 3), np.nan)
             moved = np.concatenate([moved, unknown])[source]
         found = CodedReference(coded, members, target, cloud, planes, before.intra_bytes, moved, held)
         if self._latent_coder is not None:
@@ -228,7 +228,7 @@ class SegmentEncoder:
         names = births.members.names
         if names is None:
             return births.members
-        count = births.change.num_births
+        count = len(births)
         places = np.argsort(source, kind="stable")[len(source) - count :]
         decoded = state.frame.planes[Attribute.ROTATION].wide()[places]
         names = settled_names(names, births.target[Attribute.ROTATION], decoded)
@@ -239,19 +239,20 @@ class SegmentEncoder:
     ) -> CodedReference:
         """A frame without Gaussians."""
         if before is not None and not before.cloud.num_gaussians:
-            return replace(before, coded=code_repetition(index, before.coded.state))
-        coded = code_empty_frame(index, list(planes), self._plan.gof_setup)
+            repeated = coded_inter(self._plan.writer(index), InterSymbols(), before.coded.state, ({}, {}))
+            return replace(before, coded=repeated)
+        coded = coded_empty(self._plan.writer(index))
         return CodedReference(
             coded, Members(np.zeros(0, np.int64), None), planes, cloud, planes, len(coded.data)
         )
 
-    def _escaped(self, index: int, loop: CodedReference, escapes: Escapes | None) -> CodedReference:
+    def _escaped(self, loop: CodedReference, escapes: Escapes | None) -> CodedReference:
         """With the escapes of the frame."""
         if loop.coded.state.frame.verbatim is not None:
             return loop
         if escapes is not None:
             escapes = in_gof_order(escapes, loop.members.rows)
-        return replace(loop, coded=with_escapes(loop.coded, index, escapes, self._plan.header))
+        return replace(loop, coded=loop.coded.with_escapes(escapes))
 
     def _intra(self, index: int, frame: InputFrame) -> CodedReference:
         cloud, planes = frame.cloud, frame.planes
@@ -261,18 +262,17 @@ class SegmentEncoder:
         order, grid = placing.intra.order(planes[Attribute.POSITION])
         permutation = self._permutation(order, anchor if tracked else None)
         if self._plan.options.intra == IntraKind.PLY:
-            state = state_of(frame.original.take(order).as_float32(), self._plan.header.unit_exponents)
-            coded = code_verbatim_frame(index, state, permutation, self._plan.gof_setup)
-            return CodedReference(
-                coded, Members(order, None), wide_planes(state), cloud, planes, len(coded.data)
-            )
+            exact = frame.original.take(order).as_float32()
+            coded = coded_verbatim(self._plan.writer(index), exact, permutation, self._plan.control)
+            target = wide_planes(coded.state.frame)
+            return CodedReference(coded, Members(order, None), target, cloud, planes, len(coded.data))
         is_first = not tracked or index == first
         names = (placing.names if is_first else self._settled(first, anchor)).take(order)
         target = Members(order, names).target(planes)
         zero_bin = self._plan.options.tuning.intra_zero_bin
         wanted = placing.intra.target(target, order, self._plan.quantisation, zero_bin)
         wanted = replace(wanted, permutation=permutation, keeps_names=not is_first)
-        coded = code_intra_frame(index, IntraTask(wanted, grid), self._plan.gof_setup)
+        coded = coded_intra(self._plan.writer(index), IntraTask(wanted, grid), self._plan.control)
         self._inter_coder.begin(placing.intra.steps)
         decoded = coded.state.frame.planes[Attribute.ROTATION].wide()
         names = settled_names(names, target[Attribute.ROTATION], decoded)
