@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.residual.classes import InterSymbols
 from dfcgs_codec.encoder.frame.announced import check_announced
 from dfcgs_codec.encoder.frame.error_meter import ErrorMeter
+from dfcgs_codec.encoder.frame.finer_steps import FinerSteps
 from dfcgs_codec.encoder.frame.frame_coding import (
     IntraTask,
     coded_empty,
@@ -30,7 +32,6 @@ from dfcgs_codec.encoder.frame.reference import CodedGof, CodedReference, CodedS
 from dfcgs_codec.encoder.frame.report import FrameRecord
 from dfcgs_codec.encoder.frame.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.images.shown import Shown
-from dfcgs_codec.encoder.images.watch import Watch
 from dfcgs_codec.encoder.intra.turn_choice import settled_names
 from dfcgs_codec.encoder.matching.canonical import AxisNames
 from dfcgs_codec.encoder.matching.identity import Members, Succession, found_members, same_members
@@ -48,16 +49,6 @@ from dfcgs_codec.sequence import FrameSource
 
 #: a P-frame that costs more than this share of the last I-frame has an I-frame tried beside it
 _TRY_INTRA_SHARE = 0.7
-#: dB by which a P-frame may be behind an I-frame in its place, and are to be; what is further behind is coded
-#: again, in finer steps. The frames that follow go part of the way
-_MOST_BEHIND, _AIM_BEHIND = 1.2, 0.3
-_FOLLOWED = 0.4
-#: finer steps have helped that take this share of it away; what does not help was never coded, but appeared
-_HELPED = 0.25
-#: if it is so many dB behind
-_APPEARED = 2.5
-_DB_PER_OCTAVE = 6.02
-_MOST_FINER = 3.0
 
 
 class SegmentEncoder:
@@ -73,7 +64,7 @@ class SegmentEncoder:
         self._latent_coder: LatentCoder | None = None
         if plan.header.profile == Profile.PAPER:
             self._latent_coder = LatentCoder(plan, latent_model(plan.header.model_id))
-        self._watch, self._finer = Watch(plan), 0.0
+        self._finer = FinerSteps(plan)
         self._meter = ErrorMeter(plan.header.unit_exponents)
         self._before: GaussianCloud | None = None
         self._anchors: dict[int, RunStart] = {}
@@ -83,7 +74,7 @@ class SegmentEncoder:
         """Frames start..stop - 1; calls `on_frame` after each."""
         # what is remembered from frame to frame begins anew: bytes do not depend on who coded what
         self._inter_coder, self._before = InterCoder(self._plan), None
-        self._watch, self._finer = Watch(self._plan), 0.0
+        self._finer = FinerSteps(self._plan)
         segment = CodedSegment()
         loop: CodedReference | None = None
         measured: Future[None] | None = None
@@ -101,9 +92,9 @@ class SegmentEncoder:
                     segment.report.num_escapes += len(frame.escapes)
                     segment.report.escaped_frames += 1
                 if loop.coded.kind == "I":
-                    self._watch.begin(loop.target, loop.coded.state.frame, loop.intra_steps)
+                    self._finer.begin(loop)
                     segment.gofs.append(CodedGof(index))
-                segment.report.behind.append(self._watch.level)
+                segment.report.behind.append(self._finer.level)
                 segment.gofs[-1].frames.append(loop.coded.data)
                 if measured is not None:
                     measured.result()
@@ -144,44 +135,20 @@ class SegmentEncoder:
         free = self._plan.options.tuning.motion in (MotionMode.AUTO, MotionMode.OFF)
         if before is None or best.succession is None or best.coded.kind != "P" or not free:
             return best
-        if self._is_behind(best):
+        fresh = None if best.colours is None else self._fresh(best.coded.state)
+        if (
+            fresh is not None
+            and best.colours is not None
+            and best.colours.are_behind(best.coded.state, fresh)
+        ):
             return self._intra(index, frame)
-        return self._good_enough(index, frame, before, best)
+        again = partial(self._inter, index, frame, before, best.succession)
+        return self._finer.good_enough(index, best, again, before.intra_bytes) or self._intra(index, frame)
 
     def _fresh(self, state: GofState) -> Int64 | None:
         """Steps (N,) of colours in an I-frame in place of the frame that left `state`, if they follow it."""
         steps = self._inter_coder.slack(state).get(Attribute.SH_DC)
         return None if steps is None else steps[:, 0]
-
-    def _is_behind(self, loop: CodedReference) -> bool:
-        fresh = self._fresh(loop.coded.state) if loop.colours is not None else None
-        return (
-            fresh is not None
-            and loop.colours is not None
-            and loop.colours.are_behind(loop.coded.state, fresh)
-        )
-
-    def _good_enough(
-        self, index: int, frame: InputFrame, before: CodedReference, loop: CodedReference
-    ) -> CodedReference:
-        """A P-frame, or in finer steps, or an I-frame in its place: one that is not far behind I-frames."""
-        assert loop.succession is not None
-        found = self._watch.behind(loop.target, loop.coded.state.frame, index)
-        behind, short = found, max(found, self._watch.short())
-        if short > _MOST_BEHIND:
-            planned = self._finer
-            self._finer = min(planned + (short - _AIM_BEHIND) / _DB_PER_OCTAVE, _MOST_FINER)
-            loop = self._inter(index, frame, before, loop.succession)
-            behind = self._watch.behind(loop.target, loop.coded.state.frame, index)
-            helped = found - behind > _HELPED * found
-            if (behind > _APPEARED and not helped) or len(loop.coded.data) > before.intra_bytes:
-                # finer steps did not help: the GoF that begins does without
-                self._finer = planned
-                return self._intra(index, frame)
-        self._watch.go_on()
-        change = _FOLLOWED * (max(behind, self._watch.short()) - _AIM_BEHIND) / _DB_PER_OCTAVE
-        self._finer = min(max(self._finer + change, 0.0), _MOST_FINER)
-        return loop
 
     def _inter(
         self, index: int, frame: InputFrame, before: CodedReference, succession: Succession
@@ -201,7 +168,7 @@ class SegmentEncoder:
             coded = self._latent_coder.code(index, task.target, task.before, state)
             held = any((task.target[a] != task.before[a]).any() for a in task.target if a not in CARRIED)
         else:
-            coded = self._inter_coder.code(task, self._finer)
+            coded = self._inter_coder.code(task, self._finer.octaves)
         unit = 2.0**self._plan.header.unit_exponents.position
         went = task.target[Attribute.POSITION] - task.before[Attribute.POSITION]
         moved: Float64 = went.astype(np.float64) * unit
