@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from dfcgs_codec.bitstream.constants import (
     FRAME_HASH_BYTES,
@@ -160,8 +160,8 @@ def coded_attributes(sh_degree: int) -> list[Attribute]:
     return list(Attribute)[: Attribute.SH_1 + sh_degree]
 
 
-#: what the streams of an I-frame hold that are not an attribute's: cover classes, low bits of positions
-COVER, POSITION_BITS = "COVER", "POSITION_BITS"
+#: what streams hold that are not an attribute's: places in the output, cover classes, low bits of positions
+OUTPUT_ORDER, COVER, POSITION_BITS = "OUTPUT_ORDER", "COVER", "POSITION_BITS"
 
 
 def intra_streams(sh_degree: int) -> list[str]:
@@ -170,9 +170,14 @@ def intra_streams(sh_degree: int) -> list[str]:
     return [position, COVER, scale, opacity, POSITION_BITS, rotation, *colours]
 
 
+def read_lengths(reader: ByteReader, streams: list[str]) -> dict[str, int]:
+    """Bytes of each of the streams that follow a header."""
+    return {name: reader.uvarint() for name in streams}
+
+
 @dataclass(frozen=True)
 class IntraHeader:
-    """Header of an INTRA_FRAME payload; `lengths` of its streams follow it (spec section 5)."""
+    """Header of an INTRA_FRAME payload (spec section 5)."""
 
     frame_hash: bytes
     kind: IntraKind
@@ -181,13 +186,27 @@ class IntraHeader:
     control: ControlHeader
     sort_grid: SortGrid | None
     steps: IntraSteps | None
-    lengths: tuple[int, ...]
     has_escapes: bool = False
 
     @staticmethod
     def empty(frame_hash: bytes) -> IntraHeader:
         """That of a frame without Gaussians."""
-        return IntraHeader(frame_hash, IntraKind.CODED, 0, False, NO_CONTROL, None, None, ())
+        return IntraHeader(frame_hash, IntraKind.CODED, 0, False, NO_CONTROL, None, None)
+
+    def with_escapes(self) -> IntraHeader:
+        """That of the frame with an ESCAPES chunk."""
+        return replace(self, has_escapes=True)
+
+    def streams(self, sh_degree: int) -> list[str]:
+        """What its streams hold, in their order."""
+        if not self.num_gaussians:
+            return []
+        names = [a.name for a in coded_attributes(sh_degree)]
+        if self.kind == IntraKind.CODED:
+            names = intra_streams(sh_degree)
+        if self.has_permutation:
+            names.insert(1, OUTPUT_ORDER)
+        return names
 
     def write(self, writer: ByteWriter) -> None:
         """All fields in order; grid and steps for `coded` frames only."""
@@ -202,8 +221,6 @@ class IntraHeader:
         if self.sort_grid is not None and self.steps is not None:
             self.sort_grid.write(writer)
             self.steps.write(writer)
-        for length in self.lengths:
-            writer.uvarint(length)
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> IntraHeader:
@@ -222,12 +239,10 @@ class IntraHeader:
         control = ControlHeader.read(reader)
         wanted = min(n // control.spacing, MAX_CONTROL_POINTS)
         at_most(wanted, sequence.limits.max_control_points, "control points", offset)
-        grid, steps, num_streams = None, None, len(coded_attributes(sequence.sh_degree))
+        grid, steps = None, None
         if kind == IntraKind.CODED:
             grid, steps = SortGrid.read(reader), IntraSteps.read(reader, sequence)
-            num_streams = len(intra_streams(sequence.sh_degree))
-        lengths = tuple(reader.uvarint() for _ in range(num_streams + permuted))
-        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths, has_escapes)
+        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, has_escapes)
 
 
 @dataclass(frozen=True)
@@ -242,6 +257,24 @@ class InterHeader:
     tools: frozenset[Tool]
     steps: dict[Attribute, int]
     visibility: dict[Attribute, int] = field(default_factory=dict)
+
+    @property
+    def changes(self) -> bool:
+        """Whether the frame is another than its reference."""
+        return bool(self.tools or self.steps)
+
+    @property
+    def has_escapes(self) -> bool:
+        """Whether an ESCAPES chunk follows."""
+        return Tool.ESCAPE in self.tools
+
+    def with_escapes(self) -> InterHeader:
+        """That of the frame with an ESCAPES chunk."""
+        return replace(self, tools=self.tools | {Tool.ESCAPE})
+
+    def streams(self, sh_degree: int) -> list[str]:
+        """It has none."""
+        return []
 
     def write(self, writer: ByteWriter) -> None:
         """Hash, tools and attribute mask; steps; levels."""
@@ -273,3 +306,17 @@ class InterHeader:
         steps = read_steps(reader, present)
         visibility = read_levels(reader, present if Tool.VISIBILITY in tools else [])
         return InterHeader(frame_hash, tools, steps, visibility)
+
+
+@dataclass(frozen=True)
+class ResidualHeader:
+    """A RESIDUAL chunk has no fields of its own: its streams are those of the P-frame's `attributes`."""
+
+    attributes: list[Attribute]
+
+    def streams(self, sh_degree: int) -> list[str]:
+        """What its streams hold, in their order."""
+        return [attribute.name for attribute in self.attributes]
+
+    def write(self, writer: ByteWriter) -> None:
+        """Nothing."""

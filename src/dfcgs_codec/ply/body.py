@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from plyfile import PlyData
 
+from dfcgs_codec.array_types import AnyArray, Float64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.ply.header import Element, Header, readable
 from dfcgs_codec.ply.schema import Layout
 
-Columns = dict[str, npt.NDArray[Any]]
+Columns = dict[str, AnyArray]
 
 #: rows are copied to their arrays in blocks that stay in the cache
 _BLOCK_BYTES = 1 << 19
@@ -83,7 +83,7 @@ def ends_early(path: Path, count: int, missing: int) -> InputError:
 class _Run(NamedTuple):
     """Properties of one type that are neighbours in a row and in an array."""
 
-    target: npt.NDArray[Any]
+    target: AnyArray
     first: int
     offset: int
     dtype: np.dtype[Any]
@@ -142,7 +142,7 @@ def _fill(file: BinaryIO, view: memoryview) -> int:
     return done
 
 
-def _assign(columns: Columns, layout: Layout, table: dict[str, npt.NDArray[Any]]) -> None:
+def _assign(columns: Columns, layout: Layout, table: dict[str, AnyArray]) -> None:
     for key, names in layout.columns.items():
         for index, name in enumerate(names):
             # a double that float32 has no room for becomes infinite, as it does for every reader
@@ -186,7 +186,7 @@ def _read_ascii(
     return max(extra, 0)
 
 
-def _numbers(rows: list[bytes], vertex: Element, path: Path) -> npt.NDArray[np.float64]:
+def _numbers(rows: list[bytes], vertex: Element, path: Path) -> Float64:
     """The table (rows, properties) of lines of numbers."""
     width = len(vertex.properties)
     table = np.empty((len(rows), width))

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
+
+from dfcgs_codec.array_types import AnyArray
 
 #: alpha stays below 1, so that its logit is finite
 _MOST = 1 - 1e-7
 
 
-def bake_filter(
-    scales: npt.NDArray[Any], opacities: npt.NDArray[Any], widths: npt.NDArray[Any]
-) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+def bake_filter(scales: AnyArray, opacities: AnyArray, widths: AnyArray) -> tuple[AnyArray, AnyArray]:
     """New log-scales (N, 3) and logits (N, 1) with a filter of standard deviation `widths` (N, 1).
 
     The variances add up; alpha is scaled by the square root of the ratio of the products of variances, so

@@ -9,11 +9,11 @@ zero quaternion       no rotation, as the reference renderer takes it; with log-
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import AnyArray, Bool, Int64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.ply.schema import FLAT_LOG_SCALE
 
@@ -22,10 +22,9 @@ OPAQUE_LOGIT = 15.0
 INVISIBLE_LOGIT = -30.0
 
 #: attribute -> (N, number of properties)
-Groups = dict[str, npt.NDArray[Any]]
+Groups = dict[str, AnyArray]
 #: attribute -> names of its properties
 Names = dict[str, tuple[str, ...]]
-_Mask = npt.NDArray[np.bool_]
 _ORDER = ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest")
 _NO_ROTATION = (1.0, 0.0, 0.0, 0.0)
 #: what -inf and inf mean
@@ -63,20 +62,20 @@ def check_values(groups: Groups, names: Names, prefix: str, *, repair: bool) -> 
     return [f"{prefix}: {f.what}; {f.remedy}" for f in findings]
 
 
-def _not_finite(values: npt.NDArray[Any]) -> _Mask | None:
+def _not_finite(values: AnyArray) -> Bool | None:
     """Where values are NaN or infinite as float32, None where they all are not."""
     finite = np.isfinite(values) if values.dtype == np.float32 else np.abs(values) <= _LARGEST
     return None if finite.all() else ~finite
 
 
-def _meant(key: str, values: npt.NDArray[Any]) -> _Mask:
+def _meant(key: str, values: AnyArray) -> Bool:
     """Infinities that mean something: an axis without extent, alpha 0 or 1."""
     if key == "scales":
         return np.asarray(values < -_LARGEST)
     return np.asarray(np.abs(values) > _LARGEST) if key == "opacities" else np.zeros(values.shape, bool)
 
 
-def _values(key: str, values: npt.NDArray[Any], mask: _Mask, names: tuple[str, ...]) -> _Finding:
+def _values(key: str, values: AnyArray, mask: Bool, names: tuple[str, ...]) -> _Finding:
     row, column = np.argwhere(mask)[0]
     counts = {
         "NaN": int(np.isnan(values).sum()),
@@ -98,7 +97,7 @@ def _values(key: str, values: npt.NDArray[Any], mask: _Mask, names: tuple[str, .
     return _Finding(what, ", ".join(remedies))
 
 
-def _quaternions(zero: _Mask, empty: _Mask) -> list[_Finding]:
+def _quaternions(zero: Bool, empty: Bool) -> list[_Finding]:
     found = []
     if empty.any():
         what = (
@@ -112,7 +111,7 @@ def _quaternions(zero: _Mask, empty: _Mask) -> list[_Finding]:
     return found
 
 
-def _mend(groups: Groups, bad: dict[str, _Mask], lost: _Mask, zero: _Mask) -> None:
+def _mend(groups: Groups, bad: dict[str, Bool], lost: Bool, zero: Bool) -> None:
     twins = _twins(lost)
     never_written = lost & zero
     for key in _ORDER:
@@ -131,7 +130,7 @@ def _mend(groups: Groups, bad: dict[str, _Mask], lost: _Mask, zero: _Mask) -> No
         groups["scales"][:] = FLAT_LOG_SCALE
 
 
-def _twins(lost: _Mask) -> npt.NDArray[np.int64]:
+def _twins(lost: Bool) -> Int64:
     """For each lost Gaussian another that is not, in the order of the file; without any, itself."""
     twins, seen, count = np.arange(len(lost)), np.flatnonzero(~lost), int(lost.sum())
     if len(seen) and count:
@@ -139,7 +138,7 @@ def _twins(lost: _Mask) -> npt.NDArray[np.int64]:
     return twins
 
 
-def _clip(values: npt.NDArray[Any], key: str) -> None:
+def _clip(values: AnyArray, key: str) -> None:
     """Infinities that mean something become what they mean, other values that are not finite zero."""
     low, high = _MEANINGS.get(key, (0.0, 0.0))
     values[values < -_LARGEST] = low

@@ -8,11 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS
-
-Int64 = npt.NDArray[np.int64]
 
 #: cells lie within +- this
 CELL_LIMIT = 1 << 20

@@ -14,14 +14,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 
 from dfcgs_codec.arguments import whole
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.views.camera import ViewCamera
 from dfcgs_codec.views.fields import check_count, pose_matrix, told_of
-
-Float64 = npt.NDArray[np.float64]
 
 #: by their numbers: names and parameters; one focal length, or two, then the principal point
 _MODELS = (

@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from dfcgs_codec.arguments import real, refusal, whole
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.views.camera import ViewCamera, Views
 from dfcgs_codec.views.neighbours import SAME, Poses, between, distances, edges_of, outside
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 DEFAULT_COUNT = 24
 DEFAULT_MARGIN = 0.15

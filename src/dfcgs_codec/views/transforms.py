@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.views.camera import LARGEST, ViewCamera
 from dfcgs_codec.views.fields import (
@@ -27,8 +27,6 @@ from dfcgs_codec.views.fields import (
     told_of,
     world_to_camera,
 )
-
-Float64 = npt.NDArray[np.float64]
 
 PARSER_FILE = "dataparser_transforms.json"
 #: pixels of a side where no key tells: the synthetic scenes of NeRF, whose images alone do

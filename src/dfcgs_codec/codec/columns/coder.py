@@ -11,19 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
+from dfcgs_codec.array_types import Float64, Int64, UInt8
 from dfcgs_codec.entropy.coder import Model, RangeCoder
 from dfcgs_codec.transform.lod import LevelsOfDetail
-
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
 
 #: residuals (int64) and their contexts (uint8), of the same length
 ResidualEvidence = Callable[[], tuple[Int64, UInt8]]
 #: an encoder's floats will do where it only chooses
-AnyReal = npt.NDArray[np.int64] | npt.NDArray[np.float64]
+AnyReal = Int64 | Float64
 #: features (a list of arrays) and the numbers they should predict
 WeightEvidence = Callable[[], tuple[Sequence[AnyReal], AnyReal]]
 #: symbols and their contexts

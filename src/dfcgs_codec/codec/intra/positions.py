@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64
 from dfcgs_codec.bitstream.frame_headers import SortGrid
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
+from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.entropy.coder import split_model
 from dfcgs_codec.entropy.symbols import (
     Groups,
@@ -48,7 +48,7 @@ def _code_small(coder: SymbolCoder, lower: Int64 | None, counts: Int64) -> Int64
     for index in np.unique(classes).tolist():
         rows = classes == index
 
-        def evidence(rows: npt.NDArray[np.bool_] = rows) -> tuple[Int64, Int64]:
+        def evidence(rows: Bool = rows) -> tuple[Int64, Int64]:
             assert lower is not None
             return counts[rows], lower[rows]
 

@@ -12,10 +12,11 @@ from typing import Protocol
 
 import numpy as np
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import IntraSteps, SortGrid
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
+from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.codec.columns.column import Column, ColumnGoal, Earlier, code_integers, code_permutation
 from dfcgs_codec.codec.intra.positions import code_positions
 from dfcgs_codec.codec.intra.steps import IntraWeights, column_steps, position_octaves, turn_steps

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
-
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.encoder.frame.frame_coding import CodedFrame
@@ -16,9 +14,6 @@ from dfcgs_codec.encoder.matching.identity import Members, Succession
 from dfcgs_codec.encoder.plan.allocation import Placing
 from dfcgs_codec.encoder.residual.appearing import ColourSteps
 from dfcgs_codec.gaussians import GaussianCloud
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

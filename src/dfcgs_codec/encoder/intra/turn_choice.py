@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64, UInt8
 from dfcgs_codec.codec.intra.turns import TurnContexts, Turns, TurnWalk, pole_turns
 from dfcgs_codec.encoder.intra.trellis_search import best_path
 from dfcgs_codec.encoder.matching.canonical import AxisNames
 from dfcgs_codec.transform.rotation import CELLS, ONE, STEREO_ONE, multiply
 from dfcgs_codec.transform.trellis import takes_turns
-
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
-Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.transform.rotation import CELLS, ONE, multiply, normalise
 
-Int64 = npt.NDArray[np.int64]
-Float32 = npt.NDArray[np.float32]
 Planes = dict[Attribute, Int64]
 
 #: rank order of the scales -> quaternion whose turn brings axis order[j] to place j

@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Float64, Int64
 from dfcgs_codec.encoder.frame.targets import Planes, ordered
 from dfcgs_codec.encoder.matching.canonical import AxisNames
 from dfcgs_codec.encoder.matching.matching import match
 from dfcgs_codec.gaussians import GaussianCloud
-
-Int64 = npt.NDArray[np.int64]
-Float32 = npt.NDArray[np.float32]
 
 #: with fewer survivors than this share of a frame, nothing is gained over an I-frame
 _MIN_SURVIVORS = 0.3
@@ -80,7 +77,7 @@ def same_members(members: Members) -> Succession:
 
 
 def found_members(
-    members: Members, before: GaussianCloud, now: GaussianCloud, moved: npt.NDArray[np.float64] | None
+    members: Members, before: GaussianCloud, now: GaussianCloud, moved: Float64 | None
 ) -> Succession | None:
     """Who of `members`, rows of the input frame `before`, is who in `now`; None where too few are found.
 

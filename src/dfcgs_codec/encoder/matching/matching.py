@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.encoder.matching.descriptors import appearance, features, match_bits, spread
 from dfcgs_codec.encoder.matching.nearest import (
-    Float64,
-    Int64,
     Pairs,
     certain_pairs,
     mutual,

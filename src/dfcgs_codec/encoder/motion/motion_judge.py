@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Float64, Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.codec.motion.compensation import GofMotion, turned
 from dfcgs_codec.codec.state.planes import FrameState
 from dfcgs_codec.encoder.motion.motion_estimation import chosen_moves
 from dfcgs_codec.encoder.residual.quantise import Planes, relative_rotation
 from dfcgs_codec.transform.rigid import RigidMotion
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 #: Gaussians that are looked at
 _SAMPLE = 6144

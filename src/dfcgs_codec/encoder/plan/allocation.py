@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.codec.state.planes import FrameState, Plane
@@ -20,9 +20,6 @@ from dfcgs_codec.encoder.intra.trellis_search import ALTERNATING_ERROR
 from dfcgs_codec.encoder.matching.canonical import AxisNames, choose_axis_names
 from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.encoder.residual.quantise import Planes
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 #: share of what the first frame says that is believed of P-frames: errors there are not larger than what
 #: changes, and nobody knows yet what will
