@@ -15,7 +15,6 @@ from queue import SimpleQueue
 from typing import Any
 
 from dfcgs_codec.encoder.frame.reference import CodedSegment
-from dfcgs_codec.encoder.parallel.messages import Refused, Setup
 from dfcgs_codec.encoder.parallel.process import Worker, WorkerEnded, interpreter
 from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.errors import InputError
@@ -74,16 +73,16 @@ def _set_up(
             raise NoWorkers(f"processes end as they start ({error})") from None
 
     for answer in list(threads.map(ask, workers, segments)):
-        if isinstance(answer, Refused):
+        if answer is not None:
             raise NoWorkers(
-                f"other processes cannot load what reads the frames ({answer.reason}); its class must be in "
+                f"other processes cannot load what reads the frames ({answer}); its class must be in "
                 "a module that they can import"
             )
 
 
 def _pickled(source: FrameSource, plan: SequencePlan) -> bytes:
     try:
-        return pickle.dumps(Setup(source, plan), pickle.HIGHEST_PROTOCOL)
+        return pickle.dumps((source, plan), pickle.HIGHEST_PROTOCOL)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         raise NoWorkers(f"what reads the frames cannot be sent to other processes ({reason})") from None
