@@ -8,10 +8,9 @@ from typing import Any, BinaryIO
 
 import click
 
-from dfcgs_codec.cli.outputs import output_folder
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.cli.refusal import StreamFile, refused_by_name
-from dfcgs_codec.cli.values import frame_range, memory_size
+from dfcgs_codec.cli.values import frame_range, memory_size, output_folder
 from dfcgs_codec.codec.frame.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.frame.limits import DecoderLimits
 from dfcgs_codec.codec.frame.salvage import salvage

@@ -16,7 +16,7 @@ import errno
 import os
 from pathlib import Path
 
-from dfcgs_codec.files.syncing import sync_names
+from dfcgs_codec.files.system import sync_names
 from dfcgs_codec.files.unfinished import remove
 
 _FILLING, _NEW, _OLD, _REPLACED = "filling", "new", "old", "replaced"

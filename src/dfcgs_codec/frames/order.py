@@ -9,8 +9,7 @@ from fractions import Fraction
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.frames.names import Column, Name, columns, groups, parse
-from dfcgs_codec.frames.refusals import check_doubts, repeated, two_choices, unlike
-from dfcgs_codec.frames.suggestions import compiled_order
+from dfcgs_codec.frames.refusals import check_doubts, compiled_order, repeated, two_choices, unlike
 
 BY_NAME, BY_NUMBER = "name", "number"
 _MAX_NUMBER = (1 << 32) - 1
