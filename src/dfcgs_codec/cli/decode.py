@@ -42,7 +42,6 @@ def _frames(file: BinaryIO, values: dict[str, Any], losses: list[str]) -> tuple[
 
 
 def _check_apart(file: Path, output_dir: Path) -> None:
-    """InputError where frames would be written around the file that they come from."""
     if output_dir.is_dir() and output_dir.samefile(file.absolute().parent):
         raise InputError(f"{output_dir} holds {file.name} itself: name another folder for the frames")
 

@@ -43,7 +43,6 @@ def without_copies(names: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _place(name: str) -> tuple[str, int]:
-    """The folder of a frame's iterations and the number of this one, or the file's own folder and -1."""
     folders = name.split("/")[:-1]
     for depth, folder in enumerate(folders):
         if match := ITERATION.fullmatch(folder):

@@ -85,7 +85,6 @@ def check_values(groups: Groups, names: Names, prefix: str, *, repair: bool) -> 
 
 
 def _not_finite(values: AnyArray) -> Bool | None:
-    """Where values are NaN or infinite as float32, None where they all are not."""
     finite = np.isfinite(values) if values.dtype == np.float32 else np.abs(values) <= _LARGEST
     return None if finite.all() else ~finite
 

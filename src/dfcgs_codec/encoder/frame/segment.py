@@ -209,7 +209,6 @@ class SegmentEncoder:
     def _empty(
         self, index: int, cloud: GaussianCloud, planes: Planes, before: CodedReference | None
     ) -> CodedReference:
-        """A frame without Gaussians."""
         if before is not None and not before.cloud.num_gaussians:
             repeated = coded_inter(self._plan.writer(index), InterSymbols(), before.coded.state, ({}, {}))
             return replace(before, coded=repeated)
@@ -219,7 +218,6 @@ class SegmentEncoder:
         )
 
     def _escaped(self, loop: CodedReference, escapes: Escapes | None) -> CodedReference:
-        """With the escapes of the frame."""
         if loop.coded.state.frame.verbatim is not None:
             return loop
         if escapes is not None:
@@ -292,7 +290,6 @@ class SegmentEncoder:
     def _record(
         self, segment: CodedSegment, index: int, original: GaussianCloud, loop: CodedReference
     ) -> None:
-        """Measure the frame's errors as a decoder will have it, against the input under its axis names."""
         frame, number = loop.coded, self._source.numbers[index]
         record = FrameRecord(number, frame.kind, loop.cloud.num_gaussians, len(frame.data))
         errors = self._meter.measure(original, loop.members, loop.target, frame.state.frame)

@@ -37,7 +37,6 @@ class _Lost(Exception):
 
 
 def _start(jobs: int) -> list[Worker]:
-    """As many workers as the system lets start, at most `jobs`."""
     python = interpreter()
     if python is None:
         raise NoWorkers("this program has no Python interpreter beside it to start processes with")
@@ -89,7 +88,6 @@ def _pickled(source: FrameSource, plan: SequencePlan) -> bytes:
 
 
 def _first_result(waiting: deque[Future[CodedSegment]]) -> CodedSegment:
-    """The result of the first; an exception of any of them at once."""
     while not waiting[0].done():
         done, _ = wait([future for future in waiting if not future.done()], return_when=FIRST_COMPLETED)
         for future in done:

@@ -51,7 +51,6 @@ def _level(max_gaussians: int, num_frames: int, control_spacing: int) -> int:
 
 
 def _anchors(counts: list[int]) -> list[int]:
-    """First frame of each frame's run of equal counts."""
     anchors: list[int] = []
     for index, count in enumerate(counts):
         anchors.append(anchors[-1] if index and counts[index - 1] == count else index)

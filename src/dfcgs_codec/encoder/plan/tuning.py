@@ -63,7 +63,6 @@ def _text(name: str, value: Any) -> str | None:
 
 
 def _log2(value: float) -> float:
-    """log2 of a power of two, nan for anything else."""
     if not 0 < value < math.inf or math.frexp(value)[0] != 0.5:
         return math.nan
     return math.frexp(value)[1] - 1
