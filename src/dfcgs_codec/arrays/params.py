@@ -96,7 +96,6 @@ class TimestepSource:
 
 
 def _sh_dc(colours: AnyArray) -> AnyArray:
-    """SH coefficients of degree 0 of colours, in the precision of the colours."""
     wide = (colours.astype(np.float64) - 0.5) / SH_C0
     return wide.astype(colours.dtype)
 

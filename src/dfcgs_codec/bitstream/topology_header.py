@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfcgs_codec.bitstream.fields import at_most, read_bounded
+from dfcgs_codec.bitstream.fields import at_most, read_bounded, read_flag
 from dfcgs_codec.bitstream.frame_headers import OUTPUT_ORDER, IntraSteps, SortGrid, intra_streams
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
@@ -46,7 +46,7 @@ class TopologyHeader:
         """Refuses to remove all of `num_gaussians`, those before, and more of them than the level allows."""
         offset, limit = reader.offset, sequence.limits.max_gaussians
         removals = read_bounded(reader.uvarint, limit, "num_removals", reader)
-        has_permutation = bool(read_bounded(reader.u8, 1, "has_permutation", reader))
+        has_permutation = read_flag(reader, "has_permutation")
         births = read_bounded(reader.uvarint, limit, "num_births", reader)
         grid, steps = None, None
         if births:

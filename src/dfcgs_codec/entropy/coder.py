@@ -65,7 +65,6 @@ class RangeCoder(Protocol):
 
     def code(self, symbols: Int64 | None, model: Model, count: int) -> Int64:
         """The `count` symbols (int64, 0 <= symbol < model.size), coded; a reader ignores `symbols`."""
-        ...
 
 
 class RangeWriter:

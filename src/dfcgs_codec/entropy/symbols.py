@@ -161,7 +161,6 @@ def _code_excess(
 def _code_low_bits(
     coder: RangeCoder, ordered: Int64 | None, coded: Int64, by_context: tuple[Groups, Int64]
 ) -> None:
-    """Append the raw low bits of contexts with wide scales."""
     groups, shifts = by_context
     for context, part in groups.slices():
         low_bits = int(shifts[context])

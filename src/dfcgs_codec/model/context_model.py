@@ -156,7 +156,6 @@ class Part(Protocol):
 
     def prepare(self, common: UInt8) -> Float32:
         """See ClassNetwork.prepare."""
-        ...
 
     def code(
         self,
@@ -166,7 +165,6 @@ class Part(Protocol):
         cells: tuple[Int64, Int64],
     ) -> Int64:
         """Integers (rows,) by `inputs`, what `prepare` gave and the others; `cells` are kind and fraction."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -208,11 +206,9 @@ class Flags(Protocol):
 
     def prepare(self, common: UInt8) -> Float32:
         """See ClassNetwork.prepare."""
-        ...
 
     def code(self, coder: RangeCoder, values: Int64 | None, inputs: tuple[Float32, UInt8]) -> Int64:
         """Flags (rows,) by `inputs`, what `prepare` gave and the others."""
-        ...
 
 
 @dataclass(frozen=True)

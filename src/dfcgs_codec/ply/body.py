@@ -132,7 +132,6 @@ def _read_binary(file: BinaryIO, header: Header, layout: Layout, columns: Column
 
 
 def _fill(file: BinaryIO, view: memoryview) -> int:
-    """Read until `view` is full or the file ends; returns how many bytes there were."""
     done = 0
     while done < len(view):
         count = file.readinto(view[done:])  # type: ignore[attr-defined]
@@ -240,7 +239,6 @@ def _read_lists(file: BinaryIO, header: Header, layout: Layout, columns: Columns
 
 
 def _clean_header(header: Header) -> bytes:
-    """The elements up to vertex, with names that any parser takes."""
     order = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[header.byte_order]
     lines = ["ply", f"format {order} 1.0"]
     for number, element in enumerate((*header.before_vertex, header.vertex)):

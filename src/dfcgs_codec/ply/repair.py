@@ -17,6 +17,28 @@ from dfcgs_codec.array_types import AnyArray, Bool, Int64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.ply.schema import FLAT_LOG_SCALE
 
+#: alpha stays below 1, so that its logit is finite
+_MOST = 1 - 1e-7
+
+
+def bake_filter(scales: AnyArray, opacities: AnyArray, widths: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """New log-scales (N, 3) and logits (N, 1) with a filter of standard deviation `widths` (N, 1).
+
+    The variances add up; alpha is scaled by the square root of the ratio of the products of variances, so
+    that what a Gaussian hides stays the same. What is not finite stays so, for `check_values` to find.
+    """
+    with np.errstate(all="ignore"):
+        log_variance = 2 * scales.astype(np.float64)
+        widened = np.logaddexp(log_variance, 2 * np.log(np.abs(widths.astype(np.float64))))
+        log_ratio = 0.5 * (log_variance - widened).sum(axis=1, keepdims=True)
+        logits = opacities.astype(np.float64)
+        log_alpha = np.minimum(-np.logaddexp(0, -logits) + log_ratio, np.log(_MOST))
+        shrunk = log_alpha - np.log(-np.expm1(log_alpha))
+        # where the filter does nothing the logit is the one of the file, beyond what alpha can tell
+        baked = np.where(log_ratio == 0, logits, shrunk)
+    return (0.5 * widened).astype(scales.dtype), baked.astype(opacities.dtype)
+
+
 #: alpha 1 to within 3e-7, and 0 even after a quantiser step of many logits
 OPAQUE_LOGIT = 15.0
 INVISIBLE_LOGIT = -30.0
@@ -63,7 +85,6 @@ def check_values(groups: Groups, names: Names, prefix: str, *, repair: bool) -> 
 
 
 def _not_finite(values: AnyArray) -> Bool | None:
-    """Where values are NaN or infinite as float32, None where they all are not."""
     finite = np.isfinite(values) if values.dtype == np.float32 else np.abs(values) <= _LARGEST
     return None if finite.all() else ~finite
 

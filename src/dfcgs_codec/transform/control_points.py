@@ -102,7 +102,6 @@ def _squared(cells: Int64, control: Int64, ranks: Int64) -> Int64:
 
 
 def _sorted(ranks: Int64, squared: Int64) -> tuple[Int64, Int64]:
-    """Rows by distance, ties by rank."""
     order = np.lexsort((ranks, squared), axis=1)
     return np.take_along_axis(ranks, order, 1), np.take_along_axis(squared, order, 1)
 

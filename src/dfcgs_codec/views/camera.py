@@ -35,7 +35,6 @@ def _rotation(matrix: Float64) -> Float64:
 
 
 def _pose(value: object) -> Float64:
-    """World to camera (4, 4), with an exact rotation; InputError for what is none."""
     try:
         matrix = np.array(value, np.float64)
     except (TypeError, ValueError):

@@ -76,8 +76,6 @@ def _pose(quaternion: tuple[float, ...], translation: tuple[float, ...]) -> Floa
 
 
 class _Binary:
-    """A file of little-endian records."""
-
     def __init__(self, file: BinaryIO) -> None:
         self._file, self._left = file, os.fstat(file.fileno()).st_size
 

@@ -33,7 +33,6 @@ def _given(cameras: tuple[ViewCamera, ...]) -> tuple[Poses, Float64]:
 
 
 def _radius(positions: Float64, scene_size: float) -> float:
-    """The radius of the rig or, of cameras in one place, the scene's size."""
     radius = float(np.linalg.norm(positions, axis=1).max())
     return radius if radius > SAME * scene_size else scene_size or 1.0
 
@@ -73,7 +72,6 @@ def _in_turns(kinds: list[Float64], count: int, same: float) -> list[tuple[int, 
 
 
 def _reach(given: Poses, margin: float, scene_size: float, same: float) -> float:
-    """How far outside viewers stand, in scene units."""
     spread = given.positions[_farthest(given.positions, _SPREAD_OUT, same)]
     if len(spread) < 2:
         return margin * scene_size * _SCENE_SHARE

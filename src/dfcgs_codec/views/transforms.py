@@ -44,7 +44,6 @@ class _Frame:
 
 
 def _square(name: str, value: object) -> Float64:
-    """A transform of 3 or 4 rows as (4, 4)."""
     matrix = matrix_of(name, value, (3, 4), 4)
     return np.vstack([matrix[:3], [0, 0, 0, 1]])
 
@@ -92,7 +91,6 @@ def _focal(found: Record, focal: str, angle: str, side: float | None) -> float |
 
 
 def _intrinsics(found: Record) -> tuple[int, int, float, float, float, float]:
-    """Width, height, fx, fy, cx and cy."""
     width, height = _side(found, "w", "cx"), _side(found, "h", "cy")
     height = height if height is not None else width
     fx = _focal(found, "fl_x", "camera_angle_x", width)

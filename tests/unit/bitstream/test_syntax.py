@@ -146,13 +146,14 @@ LATENT_HEADERS = st.builds(
 def intra_headers(draw: st.DrawFn) -> IntraHeader:
     kind = draw(st.sampled_from(IntraKind))
     permuted = draw(st.booleans())
-    coded = kind == IntraKind.CODED
+    coded, control = kind == IntraKind.CODED, draw(CONTROLS)
+    most = min(SMALL.limits.max_gaussians, SMALL.limits.max_control_points * control.spacing)
     return IntraHeader(
         draw(HASHES),
         kind,
-        draw(st.integers(1, SMALL.limits.max_gaussians)),
+        draw(st.integers(1, most)),
         permuted,
-        draw(CONTROLS),
+        control,
         draw(SORT_GRIDS) if coded else None,
         draw(INTRA_STEPS) if coded else None,
     )

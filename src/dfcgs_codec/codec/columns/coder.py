@@ -41,26 +41,20 @@ class SymbolCoder(RangeCoder, Protocol):
 
     def weights(self, count: int, evidence: WeightEvidence) -> Int64:
         """`count` prediction weights, Q8."""
-        ...
 
     def tables(self, num_contexts: int, evidence: ResidualEvidence) -> Int64:
         """A table (shape * 160 + scale) for each context."""
-        ...
 
     def histograms(
         self, used: Int64, num_contexts: int, size: int, evidence: HistogramEvidence
     ) -> list[Model]:
         """A model of `size` symbols for each of `num_contexts` contexts; those not in `used` are flat."""
-        ...
 
     def choice(self, size: int, evidence: Callable[[], int]) -> int:
         """A number 0 <= choice < size."""
-        ...
 
     def predictor(self, num_before: int, evidence: Callable[[], ColumnFacts]) -> tuple[int, Int64, Int64]:
         """Center, weights of the value (1 + num_before,) and of its size (2 + num_before,), Q8."""
-        ...
 
     def split_bias(self, evidence: SplitEvidence) -> int:
         """Bias of the models of how cells split."""
-        ...

@@ -82,7 +82,6 @@ class ChunkSearch:
         return self._search(offset + 1)
 
     def _search(self, start: int) -> int | None:
-        """The first whole INTRA_FRAME chunk from byte `start` on."""
         for offset in self._container.occurrences(ChunkType.INTRA_FRAME, start, _BLOCK_BYTES):
             head = self._plausible(offset)
             if head is None:

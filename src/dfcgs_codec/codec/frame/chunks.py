@@ -20,11 +20,9 @@ class ChunkHeader(Protocol):
 
     def write(self, writer: ByteWriter) -> None:
         """All fields in order."""
-        ...
 
     def streams(self, sh_degree: int) -> list[str] | None:
         """What its streams hold, in their order; None: there is one, which fills the rest."""
-        ...
 
 
 Header = TypeVar("Header", bound=ChunkHeader)
@@ -37,11 +35,9 @@ class ChunkCoder(Protocol[Header]):
 
     def next(self) -> SymbolCoder:
         """The coder of the next stream; a reader checks that the one before was used up."""
-        ...
 
     def close(self) -> None:
         """There are no more streams."""
-        ...
 
 
 class FrameCoder(Protocol):
@@ -50,12 +46,10 @@ class FrameCoder(Protocol):
     @property
     def sequence(self) -> SequenceHeader:
         """That of the file."""
-        ...
 
     @property
     def model(self) -> ContextModel | None:
         """The frozen prior, where the profile has one."""
-        ...
 
     def chunk(
         self,
@@ -64,4 +58,3 @@ class FrameCoder(Protocol):
         given: Header | None,
     ) -> ChunkCoder[Header]:
         """The next chunk; a reader gets its header by `read`, a writer writes the one `given`."""
-        ...

@@ -139,7 +139,6 @@ class SequenceDecoder:
         return state
 
     def _side_chunk(self, head: ChunkHead) -> None:
-        """Check chunks without a frame."""
         if head.chunk_type in FRAME_CHUNKS or head.chunk_type == ChunkType.SEQUENCE_HEADER:
             raise CorruptBitstream("a chunk stands where it may not", offset=head.offset)
         self.container.payload(head)

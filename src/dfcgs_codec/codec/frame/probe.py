@@ -119,7 +119,6 @@ def _collect(container: ContainerReader, info: SequenceInfo) -> None:
 
 
 def _count(head: ChunkHead, info: SequenceInfo) -> tuple[ChunkType, int]:
-    """Kind and bytes of a chunk, which is counted."""
     kind, size = ChunkType(head.chunk_type), head.end - head.offset
     info.chunk_bytes[kind.name] += size
     info.chunks.append((kind.name, head.frame_index, head.offset, size))

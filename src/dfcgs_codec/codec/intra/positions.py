@@ -42,7 +42,6 @@ class _Cells:
 
 
 def _code_small(coder: SymbolCoder, lower: Int64 | None, counts: Int64) -> Int64:
-    """Lower counts of cells of 2 to 32 Gaussians."""
     classes = np.searchsorted(_BIAS_CLASS_STARTS, counts, side="right") - 1
     biases = [0] * len(_BIAS_CLASS_STARTS)
     for index in np.unique(classes).tolist():
@@ -62,7 +61,6 @@ def _code_small(coder: SymbolCoder, lower: Int64 | None, counts: Int64) -> Int64
 
 
 def _code_large(coder: SymbolCoder, lower: Int64 | None, counts: Int64) -> Int64:
-    """Lower counts of cells of more than 32 Gaussians, as difference from the half."""
     size_class = np.frexp(counts.astype(np.float64))[1]
     tables = Shape.GAUSSIAN * NUM_SCALES + np.clip(
         6 * np.arange(26, dtype=np.int64) - 6 + _LARGE_CELL_SCALE, 0, NUM_SCALES - 1

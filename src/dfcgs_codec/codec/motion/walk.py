@@ -56,7 +56,6 @@ class MotionShape:
 
 
 def _code_modes(coder: SymbolCoder, modes: Int64 | None, before: Int64) -> Int64:
-    """Modes of blocks; context: the mode before."""
     known = np.zeros(0, np.int64) if modes is None else modes
     contexts = before.astype(np.uint8)
     groups = Groups(contexts, NUM_MODES)

@@ -92,7 +92,6 @@ def table_costs(residuals: Int64, contexts: UInt8, num_contexts: int) -> Float64
 
 
 def _wide_costs(costs: Float64, residuals: Int64) -> None:
-    """Fill in the tables with raw low bits around the residuals' magnitude."""
     guess = int(np.log2(np.abs(residuals).mean() / _WIDE_MEAN))
     start = NUM_BASE_SCALES - SCALES_PER_OCTAVE
     zeros = np.zeros(len(residuals), np.uint8)

@@ -13,7 +13,19 @@ from dfcgs_codec.encoder.frame.targets import Planes
 from dfcgs_codec.encoder.matching.identity import Members, Succession
 from dfcgs_codec.encoder.plan.allocation import Placing
 from dfcgs_codec.encoder.residual.appearing import ColourSteps
+from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.sequence import FrameSource
+
+
+def check_announced(source: FrameSource, index: int, cloud: GaussianCloud, sh_degree: int) -> None:
+    """InputError where frame `index`, as it was read, is another than `source` has said of it."""
+    found, planned = (cloud.num_gaussians, cloud.sh_degree), (source.headers[index].num_gaussians, sh_degree)
+    if found != planned:
+        raise InputError(
+            f"frame {source.numbers[index]}: {found[0]} Gaussians of SH degree {found[1]}, but "
+            f"{planned[0]} of SH degree {planned[1]} were announced; frames must not change meanwhile"
+        )
 
 
 @dataclass(frozen=True)

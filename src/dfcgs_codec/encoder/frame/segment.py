@@ -17,7 +17,6 @@ from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder, P
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.residual.classes import InterSymbols
-from dfcgs_codec.encoder.frame.announced import check_announced
 from dfcgs_codec.encoder.frame.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame.finer_steps import FinerSteps
 from dfcgs_codec.encoder.frame.frame_coding import (
@@ -28,17 +27,23 @@ from dfcgs_codec.encoder.frame.frame_coding import (
     coded_verbatim,
 )
 from dfcgs_codec.encoder.frame.off_grid import Grids, in_gof_order
-from dfcgs_codec.encoder.frame.reference import CodedGof, CodedReference, CodedSegment, InputFrame, RunStart
+from dfcgs_codec.encoder.frame.reference import (
+    CodedGof,
+    CodedReference,
+    CodedSegment,
+    InputFrame,
+    RunStart,
+    check_announced,
+)
 from dfcgs_codec.encoder.frame.report import FrameRecord
 from dfcgs_codec.encoder.frame.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.images.shown import Shown
 from dfcgs_codec.encoder.intra.turn_choice import settled_names
 from dfcgs_codec.encoder.matching.canonical import AxisNames
-from dfcgs_codec.encoder.matching.identity import Members, Succession, found_members, same_members
+from dfcgs_codec.encoder.matching.identity import Members, Succession, found_members, is_tracked, same_members
 from dfcgs_codec.encoder.paper.latent_coding import CARRIED, LatentCoder
 from dfcgs_codec.encoder.plan.allocation import Placing
 from dfcgs_codec.encoder.plan.plan import SequencePlan
-from dfcgs_codec.encoder.plan.triage import is_tracked
 from dfcgs_codec.encoder.plan.tuning import MotionMode
 from dfcgs_codec.encoder.residual.appearing import ColourSteps, differing_rows
 from dfcgs_codec.encoder.residual.inter_coding import Births, InterCoder, InterTask
@@ -204,7 +209,6 @@ class SegmentEncoder:
     def _empty(
         self, index: int, cloud: GaussianCloud, planes: Planes, before: CodedReference | None
     ) -> CodedReference:
-        """A frame without Gaussians."""
         if before is not None and not before.cloud.num_gaussians:
             repeated = coded_inter(self._plan.writer(index), InterSymbols(), before.coded.state, ({}, {}))
             return replace(before, coded=repeated)
@@ -214,7 +218,6 @@ class SegmentEncoder:
         )
 
     def _escaped(self, loop: CodedReference, escapes: Escapes | None) -> CodedReference:
-        """With the escapes of the frame."""
         if loop.coded.state.frame.verbatim is not None:
             return loop
         if escapes is not None:
@@ -287,7 +290,6 @@ class SegmentEncoder:
     def _record(
         self, segment: CodedSegment, index: int, original: GaussianCloud, loop: CodedReference
     ) -> None:
-        """Measure the frame's errors as a decoder will have it, against the input under its axis names."""
         frame, number = loop.coded, self._source.numbers[index]
         record = FrameRecord(number, frame.kind, loop.cloud.num_gaussians, len(frame.data))
         errors = self._meter.measure(original, loop.members, loop.target, frame.state.frame)

@@ -160,7 +160,6 @@ class Surroundings:
 
     @cached_property
     def _columns(self) -> Float64:
-        """Positions (3, N), coordinate by coordinate."""
         return np.ascontiguousarray(self.positions.T)
 
     @staticmethod

@@ -69,7 +69,6 @@ def _light(ray: UInt16, alphas: Float32) -> Float32:
 
 
 def _of_image(splats: Splats, camera: ViewCamera, near: float, offset: Float64) -> Float64:
-    """What each Gaussian adds to an image (N,), in pixels."""
     ellipses = project(splats, camera, near)
     sides = np.array([camera.width, camera.height])
     spacing = max(1.0, float(sides.max()) / _RAYS)

@@ -15,7 +15,7 @@ from dfcgs_codec.encoder.images.patches import PATCHES, Patch, patches_of_views
 from dfcgs_codec.encoder.images.seen import largest_weights
 from dfcgs_codec.encoder.images.sensitivity import squared
 from dfcgs_codec.encoder.images.splats import Splats, extent
-from dfcgs_codec.encoder.plan.triage import is_tracked
+from dfcgs_codec.encoder.matching.identity import is_tracked
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import FrameSource
 from dfcgs_codec.views.camera import ViewCamera, Views

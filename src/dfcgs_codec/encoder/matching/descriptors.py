@@ -51,7 +51,6 @@ def _numbered(keys: UInt64) -> UInt64:
 
 
 def _once_in_both(before: UInt64, now: UInt64) -> Pairs:
-    """Where the keys are that either side holds exactly once."""
     keys = np.concatenate([before, now])
     order = np.argsort(keys)
     starts, lengths = runs(keys[order])

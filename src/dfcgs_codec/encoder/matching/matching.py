@@ -147,7 +147,6 @@ def _bootstrap(frames: _Frames, units: Float64) -> Pairs:
 
 
 def _there(frames: _Frames, old: Int64, units: Float64) -> Float64:
-    """Features of Gaussians of `before`, at their predicted positions."""
     return features(_predict(frames, old), frames.appearance_before[old], units)
 
 

@@ -94,7 +94,6 @@ class LatentCoder:
         return writer
 
     def _features(self, planes: Planes, reference: LatentReference) -> Int64:
-        """MLP(FreqEnc(x)) (n, 32) of positions and rotations."""
         normal = reference.normalisation.of_positions(planes[Attribute.POSITION])
         positions = frequency_encoding(normal / float(1 << NORMAL_BITS))
         rotations = frequency_encoding(planes[Attribute.ROTATION] / float(1 << ROTATION_FRACTION_BITS))
@@ -115,7 +114,6 @@ class LatentCoder:
         )
 
     def _goal(self, target: Planes, reference: LatentReference, state: GofState) -> LatentGoal:
-        """The motion that leads to the target."""
         step_log2 = self._plan.options.tuning.latent_step_log2
         header = LatentHeader(len(reference.rows), step_log2, self._spread(reference))
         latents, hyper = self._latents(target, reference, state), None

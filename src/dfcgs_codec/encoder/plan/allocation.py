@@ -124,7 +124,6 @@ def _wide(state: FrameState) -> dict[Attribute, Int64]:
 
 
 def _in_intra_frames(state: FrameState, plan: SequencePlan, rule: IntraSteps) -> Quantised:
-    """The Gaussians of `state` as I-frames quantise them."""
     units = plan.quantisation.units
     steps = steps_in_intra_frame(state, units, rule)
     real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
@@ -133,7 +132,6 @@ def _in_intra_frames(state: FrameState, plan: SequencePlan, rule: IntraSteps) ->
 
 
 def _in_inter_frames(state: FrameState, plan: SequencePlan) -> Quantised:
-    """As P-frames quantise what changes."""
     quantisation = plan.quantisation
     visibility = Visibility(state, quantisation.units)
     coarser = visibility.all_multipliers(inter_levels(visibility, state.planes, quantisation.bounded))

@@ -104,7 +104,6 @@ class Estimator:
         return balanced_plan(trial.plan, trial.looks, trial.found)
 
     def _searched(self, trial: _Trial, psnr: float) -> _Trial:
-        """A trial whose estimate is near `psnr`, from the first one on."""
         tried: list[tuple[float, _Trial]] = []
         while trial.plan.estimate is not None:
             tried.append((trial.plan.estimate - psnr, trial))

@@ -11,12 +11,12 @@ from dfcgs_codec.array_types import Float64
 from dfcgs_codec.bitstream.constants import IntraKind
 from dfcgs_codec.encoder.images.shown import Region, Seen
 from dfcgs_codec.encoder.images.splats import Splats
+from dfcgs_codec.encoder.matching.identity import is_tracked
 from dfcgs_codec.encoder.plan.estimator import Estimator
 from dfcgs_codec.encoder.plan.options import EncoderOptions
 from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.encoder.plan.quantiser_steps import TYPICAL_QP
 from dfcgs_codec.encoder.plan.subject import Subject, finite
-from dfcgs_codec.encoder.plan.triage import is_tracked
 from dfcgs_codec.sequence import FrameSource
 
 #: the share of the error that leaving out Gaussians may make

@@ -19,11 +19,11 @@ from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.codec.state.planes import columns_of
 from dfcgs_codec.encoder.images.shown import ALL, Seen
 from dfcgs_codec.encoder.images.splats import alpha_of
+from dfcgs_codec.encoder.matching.identity import is_tracked
 from dfcgs_codec.encoder.plan.options import EncoderOptions
 from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.encoder.plan.prequantised_input import keep_exactly, lattices
 from dfcgs_codec.encoder.plan.quantiser_steps import REFERENCE_STEPS, plan_quantisation
-from dfcgs_codec.encoder.plan.triage import is_tracked
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.registry import installed
@@ -51,7 +51,6 @@ def _level(max_gaussians: int, num_frames: int, control_spacing: int) -> int:
 
 
 def _anchors(counts: list[int]) -> list[int]:
-    """First frame of each frame's run of equal counts."""
     anchors: list[int] = []
     for index, count in enumerate(counts):
         anchors.append(anchors[-1] if index and counts[index - 1] == count else index)

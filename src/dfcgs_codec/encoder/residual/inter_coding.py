@@ -20,7 +20,8 @@ from dfcgs_codec.encoder.frame.targets import ordered
 from dfcgs_codec.encoder.intra.intra_plan import IntraPlan, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.matching.canonical import choose_axis_names
 from dfcgs_codec.encoder.matching.identity import Members, Succession
-from dfcgs_codec.encoder.motion.motion_choice import MotionTask, choose_motion
+from dfcgs_codec.encoder.motion.motion_choice import choose_motion
+from dfcgs_codec.encoder.motion.motion_judge import MotionTask
 from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.encoder.plan.tuning import MotionMode
 from dfcgs_codec.encoder.residual.quantise import (
