@@ -6,13 +6,10 @@ text's pseudo-code, and comments cite its sections.
 
 from __future__ import annotations
 
-import ast
 import hashlib
-import io
 import math
 import operator
 import struct
-import zipfile
 import zlib
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
@@ -1646,22 +1643,22 @@ Models = Mapping[str, Mapping[str, Array | tuple[str, tuple[int, ...], Row]]]
 INTEGERS = {"|i1": "b", "<i2": "h", "<i4": "i", "<i8": "q"}
 
 
-def read_npy(data: bytes) -> Array:
-    require(data[:6] == b"\x93NUMPY")
-    layout = "<H" if data[6] == 1 else "<I"
-    start = 8 + struct.calcsize(layout)
-    end = start + struct.unpack_from(layout, data, 8)[0]
-    header = ast.literal_eval(data[start:end].decode("latin1"))
-    require(header["descr"] in INTEGERS and not header["fortran_order"])
-    count = math.prod(header["shape"])
-    values = struct.unpack(f"<{count}{INTEGERS[header['descr']]}", data[end:])
-    return Array(header["descr"], header["shape"], list(values))
-
-
-def read_npz(data: bytes) -> dict[str, Array]:
-    """A model from the bytes of its file."""
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        return {name.removesuffix(".npy"): read_npy(archive.read(name)) for name in archive.namelist()}
+def read_model(data: bytes) -> dict[str, Array]:
+    """16.1: a model from the bytes of its file."""
+    arrays, place = {}, 0
+    while place < len(data):
+        texts = []
+        for _ in range(3):
+            end = data.index(0, place)
+            texts.append(data[place:end].decode("ascii"))
+            place = end + 1
+        name, dtype, sizes = texts
+        require(dtype in INTEGERS)
+        shape = tuple(int(size) for size in sizes.strip("()").split(",") if size)
+        layout = f"<{math.prod(shape)}{INTEGERS[dtype]}"
+        arrays[name] = Array(dtype, shape, list(struct.unpack_from(layout, data, place)))
+        place += struct.calcsize(layout)
+    return arrays
 
 
 def model_hash(arrays: Mapping[str, Array]) -> bytes:

@@ -123,7 +123,7 @@ def _tables() -> dict[str, dict[str, Any]]:
 TABLES = _tables()
 WEIGHTS = Path(registry.__file__).with_name("weights")
 #: the models of the package, as the text's decoder reads them
-MODELS = {path.stem: spec_decoder.read_npz(path.read_bytes()) for path in sorted(WEIGHTS.glob("*.npz"))}
+MODELS = {path.stem: spec_decoder.read_model(path.read_bytes()) for path in sorted(WEIGHTS.glob("*.weights"))}
 _ENUMS = {
     kind.__name__: kind
     for kind in (

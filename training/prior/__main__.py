@@ -24,9 +24,11 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help=f"default {RECORDINGS}")
     commands = parser.add_subparsers(dest="command", required=True)
     recording = commands.add_parser("record", help="record the codec on the training scenes; goes on")
-    recording.add_argument("--model", type=Path, help="NAME.npz that streams are coded with meanwhile")
+    recording.add_argument("--model", type=Path, help="NAME.weights that streams are coded with meanwhile")
     training = commands.add_parser("train", help="networks and tables from the recordings")
-    training.add_argument("--out", type=Path, required=True, help="NAME of the model: NAME.npz, NAME.json")
+    training.add_argument(
+        "--out", type=Path, required=True, help="NAME of the model: NAME.weights, NAME.json"
+    )
     training.add_argument("--steps", type=int, default=6000, help="of each network")
     training.add_argument("--width", type=int, default=16, help="of both hidden layers")
     training.add_argument("--seed", type=int, default=1)
