@@ -187,10 +187,8 @@ def export_run(
     }
     target.parent.mkdir(parents=True, exist_ok=True)
     weights, description = (target.with_name(target.name + ending) for ending in (ENDING, ".json"))
-    for path, data in (
-        (weights, file_of(arrays)),
-        (description, json.dumps(about, indent=1).encode() + b"\n"),
-    ):
+    text = json.dumps(about, indent=1) + "\n"
+    for path, data in ((weights, file_of(arrays)), (description, text.encode())):
         partial = path.with_name(path.name + ".tmp")
         partial.write_bytes(data)
         os.replace(partial, path)

@@ -26,9 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
     recording = commands.add_parser("record", help="record the codec on the training scenes; goes on")
     recording.add_argument("--model", type=Path, help="NAME.weights that streams are coded with meanwhile")
     training = commands.add_parser("train", help="networks and tables from the recordings")
-    training.add_argument(
-        "--out", type=Path, required=True, help="NAME of the model: NAME.weights, NAME.json"
-    )
+    training.add_argument("--out", type=Path, required=True, help="NAME.weights and NAME.json")
     training.add_argument("--steps", type=int, default=6000, help="of each network")
     training.add_argument("--width", type=int, default=16, help="of both hidden layers")
     training.add_argument("--seed", type=int, default=1)
