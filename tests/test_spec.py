@@ -1,6 +1,6 @@
 """bitstream_spec.md against the code: constants, citations, worked example, and a decoder of its own.
 
-`spec_decoder.py` is written from the text alone. Where its hashes differ from the package's, the text is
+`spec_decoder/` is written from the text alone. Where its hashes differ from the package's, the text is
 wrong or incomplete, or the code has changed without it.
 """
 
@@ -81,6 +81,7 @@ from dfcgs_codec.transform.rotation import normalise
 from lab.chunks import join_chunks, split_chunks
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, drifting, make_cloud, real_cloud, still, succeeding, waving
+from tests import spec_decoder
 from tests.context_models import random_arrays as random_prior_arrays
 from tests.latent_models import random_arrays
 
@@ -98,7 +99,6 @@ def _load(path: Path) -> ModuleType:
     return module
 
 
-spec_decoder = _load(ROOT / "tests" / "spec_decoder.py")
 spec_example = _load(ROOT / "tools" / "spec_example.py")
 
 
