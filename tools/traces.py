@@ -7,6 +7,7 @@ says what is in them.
 from __future__ import annotations
 
 import hashlib
+import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -115,6 +116,16 @@ def _watching(recorder: Recorder) -> Iterator[None]:
                 if getattr(module, name, None) is original:
                     stack.enter_context(mock.patch.object(module, name, called))
         yield
+
+
+def as_text(frames: list[Json]) -> str:
+    """JSON with a stream a line."""
+    parts = []
+    for frame in frames:
+        streams = ",\n".join("  " + json.dumps(stream) for stream in frame["streams"])
+        head = json.dumps({"hash": frame["hash"], "planes": frame["planes"]})[:-1]
+        parts.append(f' {head}, "streams": [\n{streams}]}}')
+    return "[\n" + ",\n".join(parts) + "\n]\n"
 
 
 def trace(data: bytes) -> list[Json]:

@@ -9,6 +9,7 @@ from tests.spec_decoder.basics import Refused as Refused
 from tests.spec_decoder.decoder import Decoder as Decoder
 from tests.spec_decoder.models import Array as Array
 from tests.spec_decoder.models import model_hash as model_hash
+from tests.spec_decoder.models import published as published
 from tests.spec_decoder.models import read_model as read_model
 from tests.spec_decoder.prior import log as log
 from tests.spec_decoder.stream import RangeDecoder as RangeDecoder

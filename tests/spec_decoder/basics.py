@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import operator
+from pathlib import Path
 from typing import TypeVar
 
 STATE_LIMIT = 2**29 - 1
@@ -18,6 +20,9 @@ MAIN, PAPER = 0, 1
 
 COLUMNS = (3, 3, 4, 1, 3, 9, 15, 21)
 
+ROOT = Path(__file__).resolve().parents[2]
+#: 1.3: by section and name
+CONSTANTS = json.loads((ROOT / "spec" / "constants.json").read_text(encoding="utf-8"))
 Row = list[int]
 
 Matrix = list[list[int]]

@@ -83,7 +83,7 @@ class Decoder:
         return fields
 
     def _escape(self, frame_index: int, gof: Gof) -> None:
-        """6.6."""
+        """6.5."""
         fields = self._following(0x25, frame_index)
         escapes = check_escapes(fields, self.sequence, len(gof.state.positions))
         gof.state = State(gof.state.planes, gof.state.order, None, escapes)
@@ -128,7 +128,7 @@ class Decoder:
         return frame_hash
 
     def _paper_frame(self, fields: Fields, frame_index: int, gof: Gof, model: FrozenModel) -> bytes:
-        """16."""
+        """Annex B."""
         frame_hash, tools, mask = fields.raw(16), fields.u8(), fields.u8()
         require(
             tools & ~(LATENT | REFINEMENT | ESCAPE) == 0 and mask == 0 and fields.place == len(fields.data)

@@ -52,7 +52,7 @@ class Gof:
 
     @property
     def spreading(self) -> Spreading:
-        """The same of profile PAPER (16.6)."""
+        """The same of profile PAPER (B.7)."""
         if self._spreading is None:
             self._spreading = Spreading(self._intra, self.control)
         return self._spreading

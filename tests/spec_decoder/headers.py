@@ -148,7 +148,7 @@ def intra_frame(fields: Fields, sequence: Sequence) -> tuple[bytes, Gof | None, 
 
 
 def check_escapes(fields: Fields, sequence: Sequence, n: int) -> bytes:
-    """6.6: the payload, where it is as it should be and not without escapes."""
+    """6.5: the payload, where it is as it should be and not without escapes."""
     escapes = list(read_escapes(Fields(fields.data), sequence))
     places = [(row, column) for row, column, _ in escapes]
     require(places == sorted(set(places)) and all(row < n for row, _ in places))

@@ -75,7 +75,7 @@ class FrozenModel:
 
 
 class Normalisation:
-    """16.2, from the positions of the I-frame."""
+    """B.3, from the positions of the I-frame."""
 
     def __init__(self, positions: Matrix) -> None:
         n = len(positions)
@@ -95,7 +95,7 @@ class Normalisation:
 
 
 def grid_row(corner: Row, side: int) -> int:
-    """16.3."""
+    """B.4."""
     x, y, z = corner
     if side**3 <= 4096:
         return x + side * (y + side * z)
@@ -103,7 +103,7 @@ def grid_row(corner: Row, side: int) -> int:
 
 
 def place_features(normal: Row, grid: Matrix) -> Row:
-    """16.3; `grid` has the rows of all levels."""
+    """B.4; `grid` has the rows of all levels."""
     t = [clip(c, -(2**15), 2**15 - 1) + 2**15 for c in normal]
     place = []
     for level in range(6):
@@ -122,7 +122,7 @@ def place_features(normal: Row, grid: Matrix) -> Row:
 
 @dataclass
 class Priors:
-    """16.3: of the Gaussians of a reference frame, made when they are needed."""
+    """B.4: of the Gaussians of a reference frame, made when they are needed."""
 
     model: FrozenModel
     planes: dict[int, Matrix]
@@ -154,7 +154,7 @@ class Priors:
 
 
 def hyper_latents(stream: RangeDecoder, model: FrozenModel, n: int) -> Matrix:
-    """16.4: z."""
+    """B.5: z."""
     values = stream.grouped([i % 16 for i in range(16 * n)], model.hyper_models())
     values = [value - 31 for value in values]
     escaped = [i for i, value in enumerate(values) if abs(value) == 31]
@@ -166,7 +166,7 @@ def hyper_latents(stream: RangeDecoder, model: FrozenModel, n: int) -> Matrix:
 def latent_motions(
     model: FrozenModel, gaussian: Row, prior: Priors, payloads: tuple[Fields | None, Fields]
 ) -> tuple[Matrix, tuple[int, int]]:
-    """6.5, 16.4: m, and what 16.6 spreads with."""
+    """B.2, B.5: m, and what B.7 spreads with."""
     hyper, fields = payloads
     n = len(gaussian)
     h = [[0] * 16] * n
@@ -194,13 +194,13 @@ def latent_motions(
 
 
 def motion_of_output(m: Row, size: int) -> Row:
-    """16.5."""
+    """B.6."""
     m = [shift_left(c, size - 16) for c in m[:3]] + [c << 8 for c in m[3:]]
     return [clip(c, -2 * STATE_LIMIT, 2 * STATE_LIMIT) for c in m]
 
 
 def refined(planes: dict[int, Matrix], changes: Matrix, sequence: Sequence) -> dict[int, Matrix]:
-    """16.5, with what the network makes of each Gaussian."""
+    """B.6, with what the network makes of each Gaussian."""
     planes, start = dict(planes), 0
     for attribute in sequence.attributes[SH_DC + 1 :]:
         stop = start + COLUMNS[attribute]

@@ -6,12 +6,13 @@ import hashlib
 import math
 import struct
 from collections.abc import Mapping
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
-from tests.spec_decoder.basics import ModelMismatch, Row, require
+from tests.spec_decoder.basics import ROOT, ModelMismatch, Row, require
 
 if TYPE_CHECKING:
-    from tests.spec_decoder.basics import Matrix
+    from tests.spec_decoder.basics import ROOT, Matrix
     from tests.spec_decoder.headers import Sequence
 
 
@@ -25,6 +26,7 @@ class Array(NamedTuple):
 
 Models = Mapping[str, Mapping[str, Array | tuple[str, tuple[int, ...], Row]]]
 
+WEIGHTS = ROOT / "src" / "dfcgs_codec" / "model" / "weights"
 #: 16.1: formats of `struct`
 INTEGERS = {"|i1": "b", "<i2": "h", "<i4": "i", "<i8": "q"}
 
@@ -45,6 +47,12 @@ def read_model(data: bytes) -> dict[str, Array]:
         arrays[name] = Array(dtype, shape, list(struct.unpack_from(layout, data, place)))
         place += struct.calcsize(layout)
     return arrays
+
+
+@cache
+def published() -> dict[str, dict[str, Array]]:
+    """The models that belong to the specification, by id."""
+    return {path.stem: read_model(path.read_bytes()) for path in sorted(WEIGHTS.glob("*.weights"))}
 
 
 def model_hash(arrays: Mapping[str, Array]) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from tests.spec_decoder.basics import POSITION, ROTATION, STATE_LIMIT, clip, round_shift
+from tests.spec_decoder.basics import CONSTANTS, POSITION, ROTATION, STATE_LIMIT, clip, round_shift
 from tests.spec_decoder.gathering import farthest, squared_distance
 from tests.spec_decoder.state import State, normalise
 
@@ -13,11 +13,8 @@ if TYPE_CHECKING:
     from tests.spec_decoder.basics import Matrix, Row
     from tests.spec_decoder.gathering import ControlHeader
 
-#: 16.6
-DECAY = [
-    *(16773120, 16769026, 16760840, 16744480, 16711808, 16646655, 16517109, 16261035),
-    *(15760736, 14805841, 13066109, 10175896, 6171993, 2270549, 307285, 5628),
-]
+#: B.7
+DECAY: Row = CONSTANTS["B.7"]["DECAY"]
 
 
 def decayed(x: int) -> int:
@@ -31,7 +28,7 @@ def decayed(x: int) -> int:
 
 
 def neighbours(cell: Row, cells: Matrix, num_neighbours: int, decay_exponent: int) -> list[tuple[int, int]]:
-    """16.6: Gaussians of the I-frame and their weights."""
+    """B.7: Gaussians of the I-frame and their weights."""
     squared = [squared_distance(cell, other) for other in cells]
     nearest = sorted(range(len(cells)), key=lambda i: (squared[i], i))[: min(num_neighbours, len(cells))]
     shift = decay_exponent + 8
@@ -44,7 +41,7 @@ def neighbours(cell: Row, cells: Matrix, num_neighbours: int, decay_exponent: in
 
 
 class Spreading:
-    """16.6: control points of a GoF, and over whom they spread their motion."""
+    """B.7: control points of a GoF, and over whom they spread their motion."""
 
     def __init__(self, positions: Matrix, control: ControlHeader) -> None:
         middle = positions[len(positions) // 2]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from tests.spec_decoder.basics import (
+    CONSTANTS,
     OPACITY,
     POSITION,
     ROTATION,
@@ -33,94 +34,11 @@ def scaled(symbols: Matrix, step: int) -> Matrix:
 
 OCTAVES_PER_LOG = 23637
 
-ALPHA_WEIGHTS = (
-    -364,
-    -352,
-    -341,
-    -329,
-    -317,
-    -306,
-    -294,
-    -283,
-    -271,
-    -260,
-    -248,
-    -237,
-    -225,
-    -214,
-    -203,
-    -191,
-    -180,
-    -169,
-    -157,
-    -146,
-    -135,
-    -124,
-    -114,
-    -103,
-    -93,
-    -83,
-    -74,
-    -65,
-    -56,
-    -49,
-    -41,
-    -35,
-    -29,
-    -24,
-    -20,
-    -16,
-    -13,
-    -10,
-    -8,
-    -7,
-    -5,
-    -4,
-    -3,
-    -3,
-    -2,
-    -2,
-    -1,
-    -1,
-    -1,
-    -1,
-    0,
-    0,
-    0,
-    0,
-    0,
-    0,
-    0,
-    0,
-    0,
-    0,
-    0,
-    0,
-    0,
-    0,
-)
+ALPHA_WEIGHTS: Row = CONSTANTS["9.5"]["ALPHA_WEIGHTS"]
 
-ROUNDNESS_WEIGHTS = (-81, -30, -5, 12, 25, 37, 47, 56, 66, 74, 83, 91, 99, 108, 116, 124)
+ROUNDNESS_WEIGHTS: Row = CONSTANTS["9.5"]["ROUNDNESS_WEIGHTS"]
 
-MULTIPLIERS = (
-    256,
-    304,
-    362,
-    431,
-    512,
-    609,
-    724,
-    861,
-    1024,
-    1218,
-    1448,
-    1722,
-    2048,
-    2435,
-    2896,
-    3444,
-    4096,
-)
+MULTIPLIERS: Row = CONSTANTS["9.5"]["MULTIPLIERS"]
 
 COVER_WEIGHT, MAX_COARSENESS = 16, 16
 

@@ -7,7 +7,7 @@ from functools import cache
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
-from tests.spec_decoder.basics import HEAVY, LAPLACE, require
+from tests.spec_decoder.basics import CONSTANTS, HEAVY, LAPLACE, require
 
 if TYPE_CHECKING:
     from tests.spec_decoder.basics import Row
@@ -38,76 +38,11 @@ def from_cdf(c: Row) -> Model:
     return Model([(c[s] * (2**24 - size) >> 32) + s for s in range(size)] + [2**24])
 
 
-SPLIT_ALPHAS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 256, 1024)
+SPLIT_ALPHAS: Row = CONSTANTS["10.4"]["SPLIT_ALPHAS"]
 
 TWICE_REACH = (11, 16, 24)
 
-INVERSE_SIGMAS = (
-    21137968,
-    18831788,
-    16777216,
-    14946800,
-    13316085,
-    11863283,
-    10568984,
-    9415894,
-    8388608,
-    7473400,
-    6658043,
-    5931642,
-    5284492,
-    4707947,
-    4194304,
-    3736700,
-    3329021,
-    2965821,
-    2642246,
-    2353974,
-    2097152,
-    1868350,
-    1664511,
-    1482910,
-    1321123,
-    1176987,
-    1048576,
-    934175,
-    832255,
-    741455,
-    660561,
-    588493,
-    524288,
-    467088,
-    416128,
-    370728,
-    330281,
-    294247,
-    262144,
-    233544,
-    208064,
-    185364,
-    165140,
-    147123,
-    131072,
-    116772,
-    104032,
-    92682,
-    82570,
-    73562,
-    65536,
-    58386,
-    52016,
-    46341,
-    41285,
-    36781,
-    32768,
-    29193,
-    26008,
-    23170,
-    20643,
-    18390,
-    16384,
-    14596,
-)
+INVERSE_SIGMAS: Row = CONSTANTS["10.5"]["INVERSE_SIGMAS"]
 
 
 @cache
