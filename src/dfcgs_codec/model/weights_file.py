@@ -13,11 +13,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Integers
 from dfcgs_codec.model.layers import Layer, LayerError, Network
 
-Arrays = Mapping[str, npt.NDArray[np.integer]]
+Arrays = Mapping[str, Integers]
 
 ENDING = ".weights"
 _TYPES = ("|i1", "<i2", "<i4", "<i8")
@@ -40,7 +40,7 @@ def digest_of(arrays: Arrays) -> bytes:
     return hashlib.sha256(file_of(arrays)).digest()
 
 
-def _arrays_of(data: bytes) -> Iterator[tuple[str, npt.NDArray[np.integer]]]:
+def _arrays_of(data: bytes) -> Iterator[tuple[str, Integers]]:
     start = 0
     while start < len(data):
         texts = []
@@ -57,7 +57,7 @@ def _arrays_of(data: bytes) -> Iterator[tuple[str, npt.NDArray[np.integer]]]:
         yield name, values.reshape(sizes).astype(values.dtype.newbyteorder("="))
 
 
-def read_arrays(path: Path) -> dict[str, npt.NDArray[np.integer]]:
+def read_arrays(path: Path) -> dict[str, Integers]:
     """The arrays of a file; LayerError where it is none."""
     try:
         return dict(_arrays_of(path.read_bytes()))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
@@ -23,9 +23,6 @@ from dfcgs_codec.transform.normalisation import Normalisation
 from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rotation import from_stereo, multiply, normalise
 from dfcgs_codec.transform.spreading import Spreading, spread_from
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

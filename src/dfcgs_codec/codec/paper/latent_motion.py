@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.motion_header import LatentHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
@@ -20,8 +20,6 @@ from dfcgs_codec.model.latent_model import HYPER_REACH, NUM_LATENTS, WIDTHS, Lat
 from dfcgs_codec.transform.normalisation import Normalisation, shifted
 from dfcgs_codec.transform.rotation import ONE, normalise
 from dfcgs_codec.transform.spreading import Spreading
-
-Int64 = npt.NDArray[np.int64]
 
 #: fraction bits of appearance, of colour refinements, and of motions
 _APPEARANCE_BITS = 12
