@@ -86,7 +86,7 @@ train: env-train ## train the model of profile paper anew (an hour; goes on wher
 train-prior: env-train ## train the prior of profile main anew (half an hour; goes on where it stopped) and export it into out/
 	$(BIN)/python -m training.prior --recordings $(PRIOR)/first record --takes 16
 	$(BIN)/python -m training.prior --recordings $(PRIOR)/first train --out $(PRIOR)/first-1 --steps 1500
-	$(BIN)/python -m training.prior --recordings $(PRIOR)/second record --model $(PRIOR)/first-1.npz
+	$(BIN)/python -m training.prior --recordings $(PRIOR)/second record --model $(PRIOR)/first-1.weights
 	$(BIN)/python -m training.prior --recordings $(PRIOR)/second train --out $(PRIOR)/main-1 --steps 8000
 
 check: $(STAMP) ## lint, types, import floors
