@@ -1,4 +1,4 @@
-"""What is recorded: training scenes and captures, and the characters swaying, bending, twisting as a whole."""
+"""What is recorded: training scenes, captures, and characters swaying, bending, twisting as a whole."""
 
 from __future__ import annotations
 
