@@ -181,6 +181,14 @@ def _random_topology(
     return frame_coding.topology_goal(kept, count, births, inputs)
 
 
+class _Target(IntraTarget):
+    """Coded stream after stream, so that the same random numbers meet the same symbols."""
+
+    def beside(self, work: Callable[[], None]) -> Callable[[], None]:
+        work()
+        return lambda: None
+
+
 def _random_task(
     rng: np.random.Generator, count: int, attributes: list[Attribute], units: UnitExponents
 ) -> frame_coding.IntraTask:
@@ -200,7 +208,7 @@ def _random_task(
     }
     planes[Attribute.ROTATION] = normalise(rng.integers(-(1 << 23), 1 << 23, (count, 4)))
     bounded = frozenset(a for a in attributes if a == Attribute.OPACITY or rng.random() < 0.3)
-    target = IntraTarget(
+    target = _Target(
         planes,
         coarse << log2 | rng.integers(0, 1 << log2, coarse.shape),
         np.clip(rng.integers(-4, 5, count).cumsum() // 4, 0, 15) * int(rng.integers(0, 2)),
@@ -251,10 +259,10 @@ def _random_inter(
     return coded
 
 
-def _file(rng: np.random.Generator, model: ContextModel) -> bytes:
-    sh_degree, num_frames = int(rng.integers(2)), 6
+def _file(rng: np.random.Generator, model: ContextModel, num_frames: int) -> bytes:
+    sh_degree = int(rng.integers(2))
     attributes = list(Attribute)[: Attribute.SH_1 + sh_degree]
-    numbers = FrameNumbers.of(sorted(rng.choice(12, num_frames, replace=False).tolist()))
+    numbers = FrameNumbers.of(sorted(rng.choice(2 * num_frames, num_frames, replace=False).tolist()))
     units = UnitExponents(*rng.integers(-16, -10, 4).tolist())
     header = SequenceHeader(Profile.MAIN, 1, sh_degree, OutputOrder.FREE, (25, 1), numbers, units)
     header = replace(header, model_id=model.model_id, model_hash=model.digest[:8])
@@ -277,11 +285,11 @@ def _file(rng: np.random.Generator, model: ContextModel) -> bytes:
     return file.getvalue()
 
 
-def random_file(seed: int, model: ContextModel) -> bytes:
-    """A file of profile MAIN, six frames, coded with the registered `model`."""
+def random_file(seed: int, model: ContextModel, num_frames: int = 6) -> bytes:
+    """A file of profile MAIN, coded with the registered `model`; the same each time."""
     rng = np.random.default_rng(seed)
     with (
         mock.patch.object(chunk_writer, "SymbolWriter", _RandomWriter),
         mock.patch.object(_RandomWriter, "rng", rng),
     ):
-        return _file(rng, model)
+        return _file(rng, model, num_frames)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 
 from tests.spec_decoder.basics import STATE_LIMIT, require, round_divide, round_shift, sign
 
@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from tests.spec_decoder.basics import Matrix, Row
     from tests.spec_decoder.lods import Lods
     from tests.spec_decoder.stream import RangeDecoder
+    from tests.spec_decoder.tables import Model
 
 CHAIN_LENGTH, FEWEST_SYMBOLS = 128, 512
 
@@ -58,43 +59,72 @@ class ColumnSteps(NamedTuple):
         return values
 
 
+class Rule(Protocol):
+    """11.2: how the rows of a column are predicted, and what its symbols are worth."""
+
+    tables: dict[int, int]
+    models: list[Model]
+
+    def of(self, row: int, statistics: tuple[int, int] | None) -> tuple[int, int]:
+        """Prediction and context of a row; the base has no statistics."""
+        ...
+
+    def worth(self, rows: Row, symbols: Row) -> Row:
+        """Residuals of the rows of a pass."""
+        ...
+
+
+def decoded(stream: RangeDecoder, lods: Lods, rule: Rule) -> tuple[Row, Row]:
+    """11.2: values and residuals of all rows."""
+    value, residual = [0] * lods.count, [0] * lods.count
+
+    def code_pass(rows: range, found: list[tuple[int, int]]) -> None:
+        k = stream.residuals([context for _, context in found], rule.tables, rule.models)
+        for row, (prediction, _), r in zip(rows, found, rule.worth(list(rows), k), strict=True):
+            value[row], residual[row] = prediction + r, r
+
+    code_pass(lods.base, [rule.of(i, None) for i in lods.base])
+    for rows, neighbours in lods.levels():
+        code_pass(rows, [rule.of(i, lods.statistics(i, neighbours(i), value)) for i in rows])
+    return value, residual
+
+
+class StreamRule:
+    """11.2: the rule whose weights and tables the stream carries."""
+
+    models: ClassVar[list[Model]] = []
+
+    def __init__(self, stream: RangeDecoder, features: Matrix, sources: Matrix, steps: ColumnSteps) -> None:
+        self.features, self.sources, self.steps = features, sources, steps
+        self.center = stream.signed_value(STATE_LIMIT)
+        self.weights = stream.read_weights(1 + len(features))
+        self.size_weights = stream.read_weights(2 + len(sources))
+        self.tables = stream.read_tables(32)
+        self.is_spatial = bool(self.weights[0] or self.size_weights[0])
+
+    def of(self, row: int, statistics: tuple[int, int] | None) -> tuple[int, int]:
+        mean, deviation = statistics or (self.center << 8, 0)
+        step = self.steps.step[row]
+        learned = sum(f[row] * w for f, w in zip(self.features, self.weights[1:], strict=True))
+        p = self.center + round_shift((mean - (self.center << 8)) * self.weights[0] + (learned << 8), 16)
+        prediction = round_divide(p, step) * step if self.steps.in_steps else p
+        own = self.size_weights[1] * step
+        own += sum(s[row] * w for s, w in zip(self.sources, self.size_weights[2:], strict=True))
+        t = deviation * self.size_weights[0] + (own << 8)
+        in_base = self.is_spatial and statistics is None
+        return prediction, 31 if in_base else ladder((max(t, 0) >> 11) // step, 31)
+
+    def worth(self, rows: Row, symbols: Row) -> Row:
+        return self.steps.worth(rows, symbols)
+
+
 def column(
     stream: RangeDecoder, lods: Lods, features: Matrix, sources: Matrix, steps: ColumnSteps | None = None
 ) -> tuple[Row, Row]:
-    """Values and residuals of all rows."""
-    steps = steps or ColumnSteps([1] * lods.count)
-    center = stream.signed_value(STATE_LIMIT)
-    weights = stream.read_weights(1 + len(features))
-    size_weights = stream.read_weights(2 + len(sources))
-    tables = stream.read_tables(32)
-    value, residual = [0] * lods.count, [0] * lods.count
-
-    def predict(row: int, mean: int) -> int:
-        learned = sum(f[row] * w for f, w in zip(features, weights[1:], strict=True))
-        p = center + round_shift((mean - (center << 8)) * weights[0] + (learned << 8), 16)
-        return round_divide(p, steps.step[row]) * steps.step[row] if steps.in_steps else p
-
-    def context(row: int, deviation: int) -> int:
-        own = size_weights[1] * steps.step[row]
-        own += sum(s[row] * w for s, w in zip(sources, size_weights[2:], strict=True))
-        t = deviation * size_weights[0] + (own << 8)
-        return ladder((max(t, 0) >> 11) // steps.step[row], 31)
-
-    def code_pass(rows: range, contexts: Row, predictions: Row) -> None:
-        worth = steps.worth(list(rows), stream.residuals(contexts, tables))
-        for row, p, r in zip(rows, predictions, worth, strict=True):
-            value[row], residual[row] = p + r, r
-            require(abs(value[row]) <= STATE_LIMIT)
-
-    if not (weights[0] or size_weights[0]):
-        rows = range(lods.count)
-        code_pass(rows, [context(i, 0) for i in rows], [predict(i, center << 8) for i in rows])
-        return value, residual
-    code_pass(lods.base, [31] * len(lods.base), [predict(i, center << 8) for i in lods.base])
-    for rows, neighbours in lods.levels():
-        found = [lods.statistics(i, neighbours(i), value) for i in rows]
-        contexts = [context(i, deviation) for i, (_, deviation) in zip(rows, found, strict=True)]
-        code_pass(rows, contexts, [predict(i, mean) for i, (mean, _) in zip(rows, found, strict=True)])
+    """11.2: a column by the rule whose weights and tables the stream carries."""
+    rule = StreamRule(stream, features, sources, steps or ColumnSteps([1] * lods.count))
+    value, residual = decoded(stream, lods if rule.is_spatial else lods.finest(0), rule)
+    require(all(abs(v) <= STATE_LIMIT for v in value))
     return value, residual
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from itertools import accumulate
 from typing import TYPE_CHECKING, NamedTuple
 
 from tests.spec_decoder.basics import clip, round_shift
+from tests.spec_decoder.columns import decoded
 from tests.spec_decoder.models import rows_of
 from tests.spec_decoder.tables import Model
 
@@ -84,15 +85,16 @@ def column_inputs(before: int, earlier: Row, last: int) -> Row:
     return [0, 0, 0, log(abs(before)), log(abs(one)), log(abs(other)), log(size(earlier)), 0, 0, last]
 
 
-def prior_column(stream: RangeDecoder, model: PriorModel, lods: Lods, column: PriorColumn) -> tuple[Row, Row]:
-    """17.3: values and residuals of all rows."""
-    w, features = column.weights, column.features
-    value, residual = [0] * lods.count, [0] * lods.count
-    lods = lods.finest(5)
+class PriorRule:
+    """17.3."""
 
-    def found(row: int, statistics: tuple[int, int] | None) -> tuple[int, int, bool]:
-        """Prediction, context, whether the residual is flipped."""
-        u = list(column.u[row])
+    def __init__(self, model: PriorModel, column: PriorColumn) -> None:
+        self.model, self.column = model, column
+        self.tables, self.models = model.tables[column.name], model.rows[column.name]
+        self.is_flipped = [False] * len(column.common)
+
+    def of(self, row: int, statistics: tuple[int, int] | None) -> tuple[int, int]:
+        w, features, u = self.column.weights, self.column.features, list(self.column.u[row])
         expected = sum(f[row] * v for f, v in zip(features, w[1:], strict=True)) << 4
         u[0:3] = [0, 0, 64]
         if statistics is not None:
@@ -101,21 +103,17 @@ def prior_column(stream: RangeDecoder, model: PriorModel, lods: Lods, column: Pr
             u[0:3] = [log(deviation), log(abs(mean)), 0]
         prediction = round_shift(expected, 16)
         f = expected - (prediction << 16)
-        kind = 0 if prediction != 0 else column.kinds[row]
+        kind = 0 if prediction != 0 else self.column.kinds[row]
         u[7], u[8] = log(abs(expected) >> 8), 64 if kind > 0 else 0
         fraction = 0 if abs(f) < 2**13 else 1 if abs(f) < 3 * 2**13 else 2
-        x = column.common[row] + [min(c, 255) for c in u]
-        return prediction, cell_of(model.kind(column.name, x), kind, fraction), f < 0 and fraction > 0
+        self.is_flipped[row] = f < 0 and fraction > 0
+        x = self.column.common[row] + [min(c, 255) for c in u]
+        return prediction, cell_of(self.model.kind(self.column.name, x), kind, fraction)
 
-    def code_pass(rows: range, neighbours: Callable[[int], Row] | None) -> None:
-        several = [found(i, lods.statistics(i, neighbours(i), value) if neighbours else None) for i in rows]
-        contexts = [context for _, context, _ in several]
-        r = stream.residuals(contexts, model.tables[column.name], model.rows[column.name])
-        for i, (prediction, _, flipped), s in zip(rows, several, r, strict=True):
-            residual[i] = -s if flipped else s
-            value[i] = prediction + residual[i]
+    def worth(self, rows: Row, symbols: Row) -> Row:
+        return [-k if self.is_flipped[i] else k for i, k in zip(rows, symbols, strict=True)]
 
-    code_pass(lods.base, None)
-    for rows, neighbours in lods.levels():
-        code_pass(rows, neighbours)
-    return value, residual
+
+def prior_column(stream: RangeDecoder, model: PriorModel, lods: Lods, column: PriorColumn) -> tuple[Row, Row]:
+    """17.3: values and residuals of all rows."""
+    return decoded(stream, lods.finest(5), PriorRule(model, column))
