@@ -79,11 +79,7 @@ class FrameReader:
         given: Header | None,
     ) -> ChunkReader[Header]:
         """See FrameCoder; CorruptBitstream where the next chunk is another."""
-        head = next(self._heads, None)
-        if head is None:
-            raise CorruptBitstream("the last frame lacks its other chunks")
-        if head.chunk_type != kind or head.frame_index != self._index:
-            raise CorruptBitstream(f"a frame lacks its {kind.name} chunk", offset=head.offset)
+        head = next_chunk(self._heads, kind, self._index)
         self._budget.read(head.end - head.offset)
         reader = self._container.payload(head)
         header = read(reader, self.sequence)
@@ -92,3 +88,13 @@ class FrameReader:
             self.header = header
         charge = self._budget.symbols if isinstance(header, MotionHeader | ResidualHeader) else None
         return ChunkReader(header, reader, self.sequence.sh_degree, charge)
+
+
+def next_chunk(heads: Iterator[ChunkHead], kind: ChunkType, frame: int) -> ChunkHead:
+    """The next chunk, which must be one of `kind` of the frame; CorruptBitstream for any other."""
+    head = next(heads, None)
+    if head is None:
+        raise CorruptBitstream("the last frame lacks its other chunks")
+    if head.chunk_type != kind or head.frame_index != frame:
+        raise CorruptBitstream(f"a frame lacks its {kind.name} chunk", offset=head.offset)
+    return head

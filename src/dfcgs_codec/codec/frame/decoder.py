@@ -13,13 +13,12 @@ from dfcgs_codec.bitstream.constants import FRAME_CHUNKS, ChunkType, Profile
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.frame_headers import coded_attributes
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
-from dfcgs_codec.codec.frame.chunk_reader import FrameReader
-from dfcgs_codec.codec.frame.gof_state import GofState
+from dfcgs_codec.codec.frame.core_decoder import CoreDecoder, CoreFrame
 from dfcgs_codec.codec.frame.limits import Budget, DecoderLimits
-from dfcgs_codec.codec.frame.walk import code_escapes, code_inter_frame, code_intra_frame
-from dfcgs_codec.codec.paper.walk import code_latent_frame
+from dfcgs_codec.codec.frame.numpy_decoder import NumpyDecoder
 from dfcgs_codec.codec.state.planes import FrameState, output
-from dfcgs_codec.errors import BitstreamError, CorruptBitstream, ModelMismatch, VerificationError
+from dfcgs_codec.core.engine import CORE, NUMPY, chosen_engine
+from dfcgs_codec.errors import BitstreamError, CorruptBitstream, ModelMismatch
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.latent_model import LatentModel
@@ -37,26 +36,44 @@ def _model_of(sequence: SequenceHeader) -> LatentModel | ContextModel:
 
 @dataclass(frozen=True)
 class DecodedFrame:
-    """One decoded frame: its place in the sequence, the number in its file name, its state.
+    """One decoded frame: its place in the sequence, the number in its file name, what it decoded to.
 
     `comments`: those of the input's PLY files that the sequence keeps, as they were.
     """
 
     index: int
     number: int
-    state: FrameState
+    decoded: FrameState | CoreFrame
     sequence: SequenceHeader
     comments: tuple[bytes, ...] = ()
 
+    @property
+    def state(self) -> FrameState:
+        """The integers of the frame."""
+        return self.decoded.state if isinstance(self.decoded, CoreFrame) else self.decoded
+
     def cloud(self) -> GaussianCloud:
         """The frame's float32 values, in output order."""
-        return output(self.state, self.sequence.unit_exponents)
+        if isinstance(self.decoded, CoreFrame):
+            return self.decoded.cloud()
+        return output(self.decoded, self.sequence.unit_exponents)
 
 
 class SequenceDecoder:
-    """Decodes a `.dgs` file; needs the file alone; refuses what exceeds `limits` with ResourceLimit."""
+    """Decodes a `.dgs` file; needs the file alone; refuses what exceeds `limits` with ResourceLimit.
 
-    def __init__(self, file: BinaryIO, *, check: bool = True, limits: DecoderLimits | None = None) -> None:
+    `engine`: "core" or "numpy"; by default that of the environment, or the core where it can run.
+    """
+
+    def __init__(
+        self,
+        file: BinaryIO,
+        *,
+        check: bool = True,
+        limits: DecoderLimits | None = None,
+        engine: str | None = None,
+    ) -> None:
+        wanted = chosen_engine(engine)
         self.container = ContainerReader(file)
         self.sequence = self.container.sequence
         self._check = check
@@ -64,6 +81,14 @@ class SequenceDecoder:
         self._model = _model_of(self.sequence)
         attributes = coded_attributes(self.sequence.sh_degree)
         self._budget = Budget(limits or DecoderLimits(), attributes)
+        self._core = None
+        if wanted == CORE:
+            self._core = CoreDecoder.of(self.container, self._model, limits or DecoderLimits(), check=check)
+
+    @property
+    def engine(self) -> str:
+        """What decodes: files of profile `paper`, and models that the core cannot hold, are numpy's."""
+        return NUMPY if self._core is None else CORE
 
     @cached_property
     def comments(self) -> tuple[bytes, ...]:
@@ -102,7 +127,8 @@ class SequenceDecoder:
 
     def gof_frames(self, chunks: Iterator[ChunkHead]) -> Iterator[DecodedFrame]:
         """The frames whose chunks are given, beginning with an I-frame."""
-        state: GofState | None = None
+        gof = self._core or NumpyDecoder(self.container, self._model, self._budget, check=self._check)
+        gof.forget()
         for head in chunks:
             if head.chunk_type not in (ChunkType.INTRA_FRAME, ChunkType.INTER_FRAME):
                 self._side_chunk(head)
@@ -110,33 +136,8 @@ class SequenceDecoder:
             index = head.frame_index
             if index >= self.sequence.num_frames:
                 raise CorruptBitstream("more frames than the header says", offset=head.offset)
-            if head.chunk_type == ChunkType.INTRA_FRAME:
-                # what the GoF before it left behind is not needed any more
-                state = None
-            elif state is None:
-                raise CorruptBitstream("a P-frame without an I-frame before it", offset=head.offset)
-            state = self._decoded(head, chunks, state)
-            yield DecodedFrame(index, self._numbers[index], state.frame, self.sequence, self.comments)
-
-    def _decoded(self, head: ChunkHead, chunks: Iterator[ChunkHead], before: GofState | None) -> GofState:
-        """After the frame that begins with `head`: an I-frame, or a P-frame that follows `before`."""
-        model = self._model if isinstance(self._model, ContextModel) else None
-        frame = FrameReader(self.container, head, chunks, model, self._budget)
-        if before is None:
-            state = code_intra_frame(frame, None)
-        elif isinstance(self._model, LatentModel):
-            state = code_latent_frame(frame, before, self._model)
-        else:
-            state, _ = code_inter_frame(frame, None, before)
-        if frame.header.has_escapes:
-            state = code_escapes(frame, None, state)
-        if self._check and state.frame.hash() != frame.header.frame_hash:
-            raise VerificationError(
-                f"frame {head.frame_index} decodes to other values than its encoder had: "
-                "please report this file",
-                offset=head.offset,
-            )
-        return state
+            decoded = gof.frame(head, chunks)
+            yield DecodedFrame(index, self._numbers[index], decoded, self.sequence, self.comments)
 
     def _side_chunk(self, head: ChunkHead) -> None:
         if head.chunk_type in FRAME_CHUNKS or head.chunk_type == ChunkType.SEQUENCE_HEADER:

@@ -150,23 +150,48 @@ class Budget:
             self._spend(intra_work(header.num_births, self._columns))
 
     def _take(self, memory: int) -> None:
-        limits, count, memory = self._limits, self._num_gaussians, memory + _PROCESS
-        asked = f"frame {self._frame} has {count} Gaussians"
+        limits, frame, count = self._limits, self._frame, self._num_gaussians
+        memory += _PROCESS
         if limits.max_gaussians is not None and count > limits.max_gaussians:
-            what = f"{asked}, at most {limits.max_gaussians} are allowed"
-            raise ResourceLimit(what, "max_gaussians", count)
+            raise too_many(limits, frame, count)
         if memory > limits.max_memory:
-            what = f"{asked}: about {_mib(memory)} of memory, at most {_mib(limits.max_memory)} are allowed"
-            raise ResourceLimit(what, "max_memory", memory)
+            raise too_large(limits, frame, count, memory)
         if limits.max_gaussians is None and memory > _FREE_MEMORY + _MEMORY_PER_BYTE * self._bytes:
-            raise ResourceLimit(f"{asked}, and {self._bytes} bytes so far: {_BOMB}", "max_gaussians", count)
+            raise unpaid_memory(frame, count, self._bytes)
 
     def _spend(self, work: int) -> None:
         self._work += work
         if self._limits.max_gaussians is None and self._work > _FREE_WORK + _WORK_PER_BYTE * self._bytes:
-            usual = f"far more work than {self._bytes} bytes usually are"
-            what = f"frames up to {self._frame} are {usual}: {_BOMB}"
-            raise ResourceLimit(what, "max_gaussians", self._num_gaussians)
+            raise unpaid_work(self._frame, self._num_gaussians, self._bytes)
+
+
+def too_many(limits: DecoderLimits, frame: int, num_gaussians: int) -> ResourceLimit:
+    """More Gaussians than are allowed."""
+    what = f"{_asked(frame, num_gaussians)}, at most {limits.max_gaussians} are allowed"
+    return ResourceLimit(what, "max_gaussians", num_gaussians)
+
+
+def too_large(limits: DecoderLimits, frame: int, num_gaussians: int, memory: int) -> ResourceLimit:
+    """More memory than is allowed."""
+    allowed = f"at most {_mib(limits.max_memory)} are allowed"
+    what = f"{_asked(frame, num_gaussians)}: about {_mib(memory)} of memory, {allowed}"
+    return ResourceLimit(what, "max_memory", memory)
+
+
+def unpaid_memory(frame: int, num_gaussians: int, num_bytes: int) -> ResourceLimit:
+    """More memory than the bytes so far pay for."""
+    what = f"{_asked(frame, num_gaussians)}, and {num_bytes} bytes so far: {_BOMB}"
+    return ResourceLimit(what, "max_gaussians", num_gaussians)
+
+
+def unpaid_work(frame: int, num_gaussians: int, num_bytes: int) -> ResourceLimit:
+    """More work than the bytes so far pay for."""
+    what = f"frames up to {frame} are far more work than {num_bytes} bytes usually are: {_BOMB}"
+    return ResourceLimit(what, "max_gaussians", num_gaussians)
+
+
+def _asked(frame: int, num_gaussians: int) -> str:
+    return f"frame {frame} has {num_gaussians} Gaussians"
 
 
 _BOMB = "made to exhaust a decoder, or nothing but repetition"
