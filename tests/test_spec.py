@@ -13,12 +13,10 @@ import io
 import json
 import re
 import struct
-import sys
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -61,22 +59,10 @@ from lab.small_clouds import all_changing, drifting, make_cloud, real_cloud, sti
 from tests import spec_decoder
 from tests.context_models import random_arrays as random_prior_arrays
 from tests.latent_models import random_arrays
+from tools import spec_example
 
 ROOT = Path(__file__).resolve().parents[1]
 SPEC = (ROOT / "bitstream_spec.md").read_text(encoding="utf-8")
-
-
-def _load(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"_{path.stem}_of_spec", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-spec_example = _load(ROOT / "tools" / "spec_example.py")
 
 
 # --- constants --------------------------------------------------------------------------------------------
@@ -445,7 +431,7 @@ def _bytes_of(lines: list[str]) -> bytes:
 
 def test_example_is_what_the_tool_makes() -> None:
     for name, lines in spec_example.blocks().items():
-        assert _example_block(name) == lines, f"run tools/spec_example.py --update ({name})"
+        assert _example_block(name) == lines, f"run python -m tools.spec_example --update ({name})"
     assert _bytes_of(_example_block("file")) == spec_example.build()
 
 
@@ -809,7 +795,7 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("num_gaussians", b"\0"), "corrupt"),
         (_patched("num_gaussians", b"\xff\xff\x7f"), "limit"),
         (_patched("has_permutation", b"\2"), "limit"),
-        (_patched("has_permutation", b"\0"), "corrupt"),
+        (_patched("has_permutation", b"\1"), "corrupt"),
         (_patched("control_spacing", b"\0"), "corrupt"),
         (_patched("control_shift", bytes([32])), "limit"),
         (_patched("sort_shift", bytes([32])), "limit"),
@@ -826,7 +812,7 @@ _CHUNKS = [int(line[:4], 16) for line in _example_block("file") if line[55:].sta
         (_patched("tools", b"\x15"), "corrupt"),
         (_patched("visibility_level of POSITION", b"\x80\0"), "corrupt"),
         (_patched("translation_step", b"\0"), "corrupt"),
-        (_patched("attribute_mask", b"\x25"), "corrupt"),
+        (_patched("attribute_mask", b"\x35"), "corrupt"),
     ],
 )
 def test_refusals(data: bytes, code: str) -> None:
