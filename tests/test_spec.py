@@ -56,10 +56,9 @@ from lab.chunks import join_chunks, split_chunks
 from lab.legal_streams import random_cloud, random_file
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, drifting, make_cloud, real_cloud, still, succeeding, waving
-from tests import spec_decoder
+from tests import spec_decoder, spec_example
 from tests.context_models import random_arrays as random_prior_arrays
 from tests.latent_models import random_arrays
-from tools import spec_example
 
 ROOT = Path(__file__).resolve().parents[1]
 SPEC = (ROOT / "bitstream_spec.md").read_text(encoding="utf-8")
@@ -431,7 +430,7 @@ def _bytes_of(lines: list[str]) -> bytes:
 
 def test_example_is_what_the_tool_makes() -> None:
     for name, lines in spec_example.blocks().items():
-        assert _example_block(name) == lines, f"run python -m tools.spec_example --update ({name})"
+        assert _example_block(name) == lines, f"run python -m tests.spec_example --update ({name})"
     assert _bytes_of(_example_block("file")) == spec_example.build()
 
 

@@ -1,14 +1,14 @@
 """The worked example of bitstream_spec.md, annex D: a file, its fields, what is read and what comes of it.
 
-python -m tools.spec_example             print the blocks of the annex
-python -m tools.spec_example --update    put them into bitstream_spec.md
+python -m tests.spec_example             print the blocks of the annex
+python -m tests.spec_example --update    put them into bitstream_spec.md
 """
 
 from __future__ import annotations
 
-from tools.spec_example.content import build
-from tools.spec_example.decoding import described
-from tools.spec_example.fields import annotate
+from tests.spec_example.content import build
+from tests.spec_example.decoding import described
+from tests.spec_example.fields import annotate
 
 __all__ = ["blocks", "build"]
 

@@ -6,7 +6,7 @@ import re
 import sys
 from pathlib import Path
 
-from tools.spec_example import blocks
+from tests.spec_example import blocks
 
 SPEC = Path(__file__).resolve().parents[2] / "bitstream_spec.md"
 
