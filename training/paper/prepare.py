@@ -12,6 +12,7 @@ from dfcgs_codec.array_types import Float16, Float64, Int64
 from dfcgs_codec.bitstream.constants import MAX_DECAY_EXPONENT, Attribute, Profile
 from dfcgs_codec.bitstream.motion_header import SpreadHeader
 from dfcgs_codec.codec.motion.compensation import ControlSource
+from dfcgs_codec.codec.paper.latent_motion import LatentControl
 from dfcgs_codec.codec.state.planes import SH_BANDS, FrameState
 from dfcgs_codec.encoder.frame.frame_coding import IntraTask, coded_intra
 from dfcgs_codec.encoder.frame.targets import Planes, Targets
@@ -135,12 +136,12 @@ def prepare_gof(
     later = [members.target(targets.planes(cloud)) for cloud in clouds[1:]]
     first = {attribute: plane.wide() for attribute, plane in state.planes.items()}
     frames = [first, *later]
-    source = ControlSource(state.planes[Attribute.POSITION], plan.control)
+    control = LatentControl(ControlSource(state.planes[Attribute.POSITION], plan.control))
     centre, extent_log2 = normalisation(first[Attribute.POSITION])
     # distances in units of the normalised scene: networks do not see how large a scene unit is
     exponent = plan.control.shift - extent_log2
     exponent = int(np.clip(exponent, -MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT))
-    spreading = source.spreading(SpreadHeader(layout.num_neighbours, exponent))
+    spreading = control.spreading(SpreadHeader(layout.num_neighbours, exponent))
     units = plan.header.unit_exponents
     images, cameras = _pictures(clouds, up, num_views)
     colours = [first[a] for a in (Attribute.SH_DC, *SH_BANDS) if a in first]
@@ -153,7 +154,7 @@ def prepare_gof(
         units=np.array([units.position, units.scale, units.opacity, units.color], np.int64),
         centre=centre,
         extent_log2=np.array(extent_log2),
-        control=source.points()[1],
+        control=control.points[1],
         neighbours=spreading.gaussians,
         weights=spreading.weights,
         images=images,

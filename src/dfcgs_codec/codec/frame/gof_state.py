@@ -58,7 +58,7 @@ class GofState:
 
     def motion(self) -> GofMotion:
         """The motion of the GoF so far."""
-        return self.moved or self.control.motion()
+        return self.moved or self.control.motion
 
     def prior(self, levels: dict[Attribute, int], moved: MotionSymbols | None) -> Prior:
         """What the frozen prior is told of the next residual: `levels` of visibility steps, who moved."""
