@@ -19,6 +19,7 @@ from unittest import mock
 import numpy as np
 
 from dfcgs_codec.codec.frame.decoder import SequenceDecoder
+from dfcgs_codec.core.engine import NUMPY
 from dfcgs_codec.entropy import symbols
 from dfcgs_codec.entropy.coder import RangeReader
 
@@ -132,7 +133,7 @@ def trace(data: bytes) -> list[Json]:
     """Of each frame of a file."""
     recorder, found = Recorder(data), []
     with _watching(recorder):
-        for frame in SequenceDecoder(BytesIO(data)).frames():
+        for frame in SequenceDecoder(BytesIO(data), engine=NUMPY).frames():
             planes = {a.name: plane.digest for a, plane in frame.state.planes.items()}
             if frame.state.order is not None:
                 planes["order"] = frame.state.order.digest

@@ -108,9 +108,11 @@ def test_networks_that_are_none_are_refused(place: int) -> None:
     words = words_of(PRIOR.columns.network)
     words[place] = 1 << 20
     room, used = np.zeros(1024, np.uint8), np.zeros(1, np.uint32)
-    found = call("read_network", Arena.of(1 << 16), words, len(words), 25, 10, 40, room, used)
+    found = call("read_network", Arena.of(1 << 16), words, len(words), NUM_COMMON, 10, 40, room, used)
     assert found == MODEL_MISMATCH
-    assert call("read_network", Arena.of(1 << 16), words, 10, 25, 10, 40, room, used) == MODEL_MISMATCH
+    assert (
+        call("read_network", Arena.of(1 << 16), words, 10, NUM_COMMON, 10, 40, room, used) == MODEL_MISMATCH
+    )
 
 
 def _symbols(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
@@ -238,7 +240,7 @@ def test_passes_of_a_column(column: int, reach: int) -> None:
     rng, count = np.random.default_rng(column + reach), 3000
     before, coded = (np.rint(rng.laplace(0, reach / 5, (count, 3))).astype(np.int64) for _ in range(2))
     memory = _symbols(rng, (count, 3)) >> 5
-    common = rng.integers(0, 256, (count, 25)).astype(np.uint8)
+    common = rng.integers(0, 256, (count, NUM_COMMON)).astype(np.uint8)
     weights = rng.integers(-300, 300, 3 + column)
     kinds = rng.integers(0, 4, count)
     symbols = np.rint(rng.laplace(0, reach, count)).astype(np.int64)
@@ -281,7 +283,7 @@ def test_passes_of_a_column(column: int, reach: int) -> None:
 def test_classes_of_flags() -> None:
     rng, count = np.random.default_rng(0), 900
     network = PRIOR.flags.network
-    common = rng.integers(0, 256, (count, 25)).astype(np.uint8)
+    common = rng.integers(0, 256, (count, NUM_COMMON)).astype(np.uint8)
     core, rows = CoreNetwork(network), np.flatnonzero(rng.random(count) < 0.4)
     mean = rng.integers(0, 257, len(rows)) * 256
     for base in (False, True):
