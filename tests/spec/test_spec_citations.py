@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 
-from tests.spec.checks import ROOT, SPEC
+import pytest
+
+from tests.spec.checks import CONFORMANCE, ROOT, SPEC
 
 _HEADINGS = set(re.findall(r"^#{2,4} (?:Annex )?([\dA-D]+(?:\.\d+)*)[ :]", SPEC, re.MULTILINE))
 
@@ -40,3 +43,12 @@ def test_references_inside_the_text_exist() -> None:
     referred |= set(re.findall(r"(?:[Ss]ections?|[Cc]hapters?) (\d+(?:\.\d+)?)", prose))
     referred |= set(re.findall(r"\b([A-D]\.\d)\b", prose))
     assert {number for number in referred if number not in _HEADINGS} == set()
+
+
+@pytest.mark.parametrize("annex", ["A", "B"])
+def test_annexes_name_the_files_that_need_them(annex: str) -> None:
+    start = SPEC.index(f"## Annex {annex}")
+    named = re.search(r"these\s+files need it:(.*?)\. ", SPEC[start:], re.DOTALL)
+    assert named is not None
+    valid = json.loads((CONFORMANCE / "expected.json").read_text(encoding="utf-8"))["valid"]
+    assert set(re.findall(r"`(\w+)`", named[1])) == {n for n, v in valid.items() if annex in v["annexes"]}

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 
 from tests.spec_decoder.basics import (
     ESCAPE,
-    LATENT,
     MOTION,
     PAPER,
-    REFINEMENT,
     STATE_LIMIT,
     TOPOLOGY,
     VISIBILITY,
@@ -18,9 +16,10 @@ from tests.spec_decoder.basics import (
 )
 from tests.spec_decoder.headers import check_escapes, chunks, intra_frame, sequence_header, topology_chunk
 from tests.spec_decoder.inter import residual
-from tests.spec_decoder.latents import FrozenModel, Priors, latent_motions, motion_of_output, refined
+from tests.spec_decoder.latents import FrozenModel
 from tests.spec_decoder.models import find_model
 from tests.spec_decoder.output import Frame
+from tests.spec_decoder.paper import PaperGof
 from tests.spec_decoder.prior import PriorModel
 from tests.spec_decoder.state import State
 from tests.spec_decoder.steps import Steps, reconstruct_inter
@@ -52,6 +51,7 @@ class Decoder:
     def frames(self) -> Iterator[Frame]:
         expected = 0
         gof: Gof | None = None
+        paper: PaperGof | None = None
         empty = State({a: [] for a in self.sequence.attributes})
         for kind, frame_index, fields in self._chunks:
             if kind in (0x7E, 0x7F):
@@ -61,17 +61,23 @@ class Decoder:
                 frame_hash, gof, has_escapes = intra_frame(fields, self.sequence)
                 if gof is not None:
                     gof.prior = self._prior
-                if gof is not None and has_escapes:
-                    self._escape(frame_index, gof)
+                    if self._model is not None:
+                        paper = PaperGof(gof, self._model, self.sequence)
+                    if has_escapes:
+                        self._escape(frame_index, gof)
             else:
                 require(kind == 0x20 and expected > 0)
                 if gof is None:
                     frame_hash = fields.raw(16)
                     require(fields.raw(2) == bytes(2) and fields.place == len(fields.data))
-                elif self._model is None:
+                elif paper is None:
                     frame_hash = self._inter_frame(fields, frame_index, gof)
                 else:
-                    frame_hash = self._paper_frame(fields, frame_index, gof, self._model)
+                    frame_hash, has_escapes = paper.frame(
+                        fields, lambda kind, index=frame_index: self._following(kind, index)
+                    )
+                    if has_escapes:
+                        self._escape(frame_index, gof)
             yield Frame(frame_index, frame_hash, empty if gof is None else gof.state, self.sequence)
             expected += 1
         require(expected == self.sequence.num_frames)
@@ -123,34 +129,6 @@ class Decoder:
             gof.motion.learn(reference, gof.state.positions)
         if topology:
             gof.settle(topology)
-        if tools & ESCAPE:
-            self._escape(frame_index, gof)
-        return frame_hash
-
-    def _paper_frame(self, fields: Fields, frame_index: int, gof: Gof, model: FrozenModel) -> bytes:
-        """Annex B."""
-        frame_hash, tools, mask = fields.raw(16), fields.u8(), fields.u8()
-        require(
-            tools & ~(LATENT | REFINEMENT | ESCAPE) == 0 and mask == 0 and fields.place == len(fields.data)
-        )
-        require("refinement" in model.networks or not tools & REFINEMENT)
-        if not tools:
-            return frame_hash
-        reference = State(gof.state.planes, gof.state.order)  # 9.3: no float32 values
-        prior = Priors(model, reference.planes, gof.normalisation, self.sequence)
-        gof.state = reference
-        if tools & LATENT:
-            hyper = None
-            if "hyper_synthesis" in model.networks:
-                hyper = self._following(0x21, frame_index)
-            fields = self._following(0x22, frame_index)
-            motions, spread = latent_motions(model, gof.spreading.gaussian, prior, (hyper, fields))
-            size = gof.normalisation.size
-            in_units = [motion_of_output(m, size) for m in motions]
-            gof.state = gof.spreading.moved(reference, in_units, spread)
-        if tools & REFINEMENT:
-            changes = [model.network("refinement", prior.of(i)) for i in range(len(reference.positions))]
-            gof.state = State(refined(gof.state.planes, changes, self.sequence), gof.state.order)
         if tools & ESCAPE:
             self._escape(frame_index, gof)
         return frame_hash

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 from tests.spec_decoder.basics import require, round_divide
 from tests.spec_decoder.gathering import Gathered
 from tests.spec_decoder.inter import num_blocks
-from tests.spec_decoder.latents import Normalisation
 from tests.spec_decoder.lods import Lods
 from tests.spec_decoder.motion import MotionField
-from tests.spec_decoder.spreading import Spreading
 from tests.spec_decoder.state import State
 from tests.spec_decoder.topology import Place, interleaved, merged
 
@@ -39,9 +37,7 @@ class Gof:
         self.history: dict[int, Activity] = {}
         self.lods = Lods(len(self.anchors), self.anchors)
         self._intra = self.state.positions
-        self.normalisation = Normalisation(self._intra)
         self._motion: MotionField | None = None
-        self._spreading: Spreading | None = None
 
     @property
     def motion(self) -> MotionField:
@@ -49,13 +45,6 @@ class Gof:
         if self._motion is None:
             self._motion = MotionField(self._intra, self.control, self.prior)
         return self._motion
-
-    @property
-    def spreading(self) -> Spreading:
-        """The same of profile PAPER (B.7)."""
-        if self._spreading is None:
-            self._spreading = Spreading(self._intra, self.control)
-        return self._spreading
 
     @property
     def points(self) -> list[Gathered]:
