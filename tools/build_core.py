@@ -1,4 +1,4 @@
-"""Build the C core (core/) to the WebAssembly module of the package, with the compiler that the package `ziglang` brings.
+"""Build the C core (core/) to the WebAssembly module of the package, with the compiler of `ziglang`.
 
     python tools/build_core.py [TARGET]
 

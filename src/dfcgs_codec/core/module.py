@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,9 @@ _RECORD = struct.Struct("<4q2iI2IiI4i" + "8I8I3I6I")
 class Record:
     """What `info` of core/exports.c says: `planes`, `patterns` and `arrays` are addresses."""
 
+    planes: tuple[int, ...]
+    patterns: tuple[int, ...]
+    arrays: tuple[int, ...]
     offset: int
     excess_value: int
     num_bytes: int
@@ -38,25 +41,27 @@ class Record:
     expects: int
     count: int
     num_attributes: int
-    has_order: bool
-    has_patterns: bool
+    has_order: int
+    has_patterns: int
     touched: int
-    planes: tuple[int, ...]
-    patterns: tuple[int, ...]
     order: int
     escapes: int
     escape_bytes: int
-    arrays: tuple[int, ...]
 
     @staticmethod
     def of(data: bytes) -> Record:
         """From the bytes of the record."""
-        values = _RECORD.unpack(data)
+        values: tuple[int, ...] = _RECORD.unpack(data)
         single, rest = values[:15], values[15:]
         planes, rest = rest[:_NUM_ATTRIBUTES], rest[_NUM_ATTRIBUTES:]
         patterns, rest = rest[:_NUM_ATTRIBUTES], rest[_NUM_ATTRIBUTES:]
-        order, escapes, escape_bytes, *arrays = rest
-        return Record(*single, planes, patterns, order, escapes, escape_bytes, tuple(arrays))
+        named = dict(zip(_SINGLE, single, strict=True)) | dict(zip(_LAST, rest, strict=False))
+        return Record(planes, patterns, rest[len(_LAST) :], **named)
+
+
+_NAMES = [field.name for field in fields(Record)][3:]
+#: what stands before the addresses of planes and patterns, and between these and those of arrays
+_SINGLE, _LAST = _NAMES[:15], _NAMES[15:]
 
 
 @cache
