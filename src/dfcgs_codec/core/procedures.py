@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.core.engine import CORE, chosen_engine
+from dfcgs_codec.core.engine import wants_core
 from dfcgs_codec.core.module import MOST_MEMORY, Instance
 
 Int64 = npt.NDArray[np.int64]
@@ -38,7 +38,7 @@ _Argument = npt.NDArray[np.int32] | _Result | int
 
 def is_worth(count: int) -> bool:
     """Whether the core can run here, and `count` rows are enough for it."""
-    return count >= _FEWEST and chosen_engine() == CORE
+    return count >= _FEWEST and wants_core()
 
 
 def _aligned(address: int) -> int:
