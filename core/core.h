@@ -25,6 +25,7 @@ typedef enum {
     DFCGS_HASH,          /* HashMismatch: the state is not what the file's hash says */
     DFCGS_MEMORY,        /* the arena is too small; says nothing about the file */
     DFCGS_RESOURCES,     /* ResourceLimit: more than the caller allows */
+    DFCGS_NOT_OURS,      /* NotADgsFile */
     DFCGS_MISUSE         /* the caller asked for what cannot be: no fault of the file */
 } dfcgs_status;
 

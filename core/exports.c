@@ -1,4 +1,5 @@
 /* The core as a WebAssembly module: one decoder an instance, in linear memory. */
+#include "container.h"
 #include "frame_output.h"
 
 #if defined(__wasm__)
@@ -6,6 +7,7 @@ extern uint8_t __heap_base;
 
 static dfcgs_decoder decoder;
 static dfcgs_output output;
+static dfcgs_file file;
 
 /* What a caller reads after each call, at fixed offsets; pointers and sizes are 32 bits. */
 static struct {
@@ -84,6 +86,21 @@ DFCGS_EXPORT int core_put(int type, uint32_t frame, int64_t offset, int64_t payl
                           const uint8_t *payload, uint32_t payload_size) {
     dfcgs_chunk chunk = {type, frame, offset, payload_offset, (uint64_t)size, payload, payload_size};
     return report(dfcgs_put(&decoder, &chunk));
+}
+
+/* Instead of core_begin and core_put: a whole file, which lies in memory that core_room gave. Limits are those of the file's
+   level, hashes are checked. */
+DFCGS_EXPORT int core_file(const uint8_t *data, uint32_t size, const uint8_t *model_hash) {
+    decoder.check = 1;
+    return report(dfcgs_open_file(&file, &decoder, data, size, model_hash));
+}
+
+/* The next frame of it; a count of -1 in the record says that there are no more. */
+DFCGS_EXPORT int core_next(void) {
+    int is_there;
+    dfcgs_status status = report(dfcgs_next_frame(&file, &decoder, &is_there));
+    if (!is_there) info.count = UINT32_MAX;
+    return status;
 }
 
 /* The frame as floats: those arrays of `info` that are wanted. */

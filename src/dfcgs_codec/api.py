@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from dfcgs_codec.arguments import AnyPath, path_of, refusal, switch, whole
 from dfcgs_codec.bitstream.constants import MAGIC, IntraKind
 from dfcgs_codec.codec.frame.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.frame.limits import DecoderLimits
+from dfcgs_codec.core.engine import ENGINES
 from dfcgs_codec.encoder.frame.encoder import Progress, encode_frames
 from dfcgs_codec.encoder.frame.report import EncodeReport
 from dfcgs_codec.encoder.plan.options import EncoderOptions
@@ -140,11 +141,9 @@ def _file(path: AnyPath | BinaryIO) -> Path | BinaryIO:
     return path
 
 
-def _decoded(
-    file: Path | BinaryIO, frames: tuple[int, int | None], check: bool, limits: DecoderLimits | None
-) -> Iterator[DecodedFrame]:
+def _decoded(file: Path | BinaryIO, frames: tuple[int, int | None], **how: Any) -> Iterator[DecodedFrame]:
     with _opened(file) as stream:
-        yield from SequenceDecoder(stream, check=check, limits=limits).frames(*frames)
+        yield from SequenceDecoder(stream, **how).frames(*frames)
 
 
 def decode_sequence(
@@ -154,11 +153,14 @@ def decode_sequence(
     *,
     check: bool = True,
     limits: DecoderLimits | None = None,
+    engine: str | None = None,
 ) -> Iterator[DecodedFrame]:
     """Frames start..stop - 1 of the file at `path`, one after the other; `frame.cloud()` has the values.
 
     `path` may be a file open for reading bytes that can seek, which stays open. As with slices, frames beyond
     the last are none. Arguments are checked at once; the file is opened when the first frame is asked for.
+    `engine` is "core", the C core, or "numpy", the reference, which is slower: the frames are the same. None
+    takes what the environment's DFCGS_ENGINE says, or the core where wasmtime can be imported.
     Raises InputError for arguments of other kinds, BitstreamError for a file that is refused, ResourceLimit
     among them for one that asks for more memory or work than `limits` (DecoderLimits(): 2 GiB), and, with
     `check`, VerificationError where a frame's hash is not the encoder's.
@@ -166,4 +168,7 @@ def decode_sequence(
     first, end = _index("start", start), None if stop is None else _index("stop", stop)
     if limits is not None and not isinstance(limits, DecoderLimits):
         raise refusal("limits", limits, "DecoderLimits(...)")
-    return _decoded(_file(path), (first, end), switch("check", check), limits)
+    if engine not in (None, *ENGINES):
+        raise refusal("engine", engine, " or ".join(f'"{name}"' for name in ENGINES))
+    how = {"check": switch("check", check), "limits": limits, "engine": engine}
+    return _decoded(_file(path), (first, end), **how)

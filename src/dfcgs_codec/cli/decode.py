@@ -14,6 +14,7 @@ from dfcgs_codec.cli.values import frame_range, memory_size, output_folder
 from dfcgs_codec.codec.frame.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.frame.limits import DecoderLimits
 from dfcgs_codec.codec.frame.salvage import salvage
+from dfcgs_codec.core.engine import ENGINES, VARIABLE
 from dfcgs_codec.errors import CorruptBitstream, InputError
 from dfcgs_codec.files import FRAME_NAME, begin_sync, named, replace_folder_when_whole
 from dfcgs_codec.ply import write_ply
@@ -32,8 +33,8 @@ def _frames(file: BinaryIO, values: dict[str, Any], losses: list[str]) -> tuple[
     """The frames asked for, and how many there are at most."""
     limits = DecoderLimits(values["max_memory"], values["max_gaussians"])
     if values["salvage"]:
-        return salvage(file, losses, limits), 0
-    decoder = SequenceDecoder(file, limits=limits)
+        return salvage(file, losses, limits, values["engine"]), 0
+    decoder = SequenceDecoder(file, limits=limits, engine=values["engine"])
     total = decoder.sequence.num_frames
     start, stop = values["frames"] or (0, None)
     if start >= total or (stop or 0) > total:
@@ -93,6 +94,12 @@ def _run(file: BinaryIO, write: Callable[[DecodedFrame], None], values: dict[str
     type=click.IntRange(min=1),
     help="Take frames of so many Gaussians however few bytes they have, none larger. "
     "[default: memory and time grow with the bytes read]",
+)
+@click.option(
+    "--engine",
+    type=click.Choice(ENGINES),
+    help="What decodes: the C core, or numpy, which is the reference and slower; the frames are the same. "
+    f"[default: {VARIABLE} of the environment, or the core where wasmtime can be imported]",
 )
 @click.option("--force", is_flag=True, help="Replace an existing folder of frames.")
 @click.option("--quiet", "-q", is_flag=True, help="Print nothing but errors and losses.")

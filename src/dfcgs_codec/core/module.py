@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,8 @@ import numpy.typing as npt
 MODULE = Path(__file__).with_name("core.wasm")
 #: linear memory ends here
 MOST_MEMORY = (1 << 32) - 1
+#: it grows by these
+_PAGE = 1 << 16
 _NUM_ATTRIBUTES = 8
 _NUM_ARRAYS = 6
 _RECORD = struct.Struct("<4q2iI2IiI4i" + "8I8I3I6I")
@@ -24,6 +26,9 @@ _RECORD = struct.Struct("<4q2iI2IiI4i" + "8I8I3I6I")
 class Record:
     """What `info` of core/exports.c says: `planes`, `patterns` and `arrays` are addresses."""
 
+    planes: tuple[int, ...]
+    patterns: tuple[int, ...]
+    arrays: tuple[int, ...]
     offset: int
     excess_value: int
     num_bytes: int
@@ -36,25 +41,27 @@ class Record:
     expects: int
     count: int
     num_attributes: int
-    has_order: bool
-    has_patterns: bool
+    has_order: int
+    has_patterns: int
     touched: int
-    planes: tuple[int, ...]
-    patterns: tuple[int, ...]
     order: int
     escapes: int
     escape_bytes: int
-    arrays: tuple[int, ...]
 
     @staticmethod
     def of(data: bytes) -> Record:
         """From the bytes of the record."""
-        values = _RECORD.unpack(data)
+        values: tuple[int, ...] = _RECORD.unpack(data)
         single, rest = values[:15], values[15:]
         planes, rest = rest[:_NUM_ATTRIBUTES], rest[_NUM_ATTRIBUTES:]
         patterns, rest = rest[:_NUM_ATTRIBUTES], rest[_NUM_ATTRIBUTES:]
-        fields: list[Any] = [*single, planes, patterns, *rest[:3], rest[3:]]
-        return Record(*fields)
+        named = dict(zip(_SINGLE, single, strict=True)) | dict(zip(_LAST, rest, strict=False))
+        return Record(planes, patterns, rest[len(_LAST) :], **named)
+
+
+_NAMES = [field.name for field in fields(Record)][3:]
+#: what stands before the addresses of planes and patterns, and between these and those of arrays
+_SINGLE, _LAST = _NAMES[:15], _NAMES[15:]
 
 
 @cache
@@ -91,6 +98,12 @@ class Instance:
         """A function, and the types of its arguments."""
         function: Any = self._exports[name]
         return function, [str(kind) for kind in function.type(self._store).params]
+
+    def grow(self, count: int) -> int:
+        """Address of `count` bytes more, which are 0 and which no decoder has use of."""
+        end: int = self._memory.data_len(self._store)
+        self._memory.grow(self._store, -(-count // _PAGE))
+        return end
 
     def record(self) -> Record:
         """The record after the last call."""

@@ -32,7 +32,6 @@ from dfcgs_codec.errors import (
 )
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
-from dfcgs_codec.model.latent_model import LatentModel
 
 #: dfcgs_status of core/core.h
 _ERRORS: dict[int, type[BitstreamError]] = {
@@ -112,11 +111,14 @@ class CoreDecoder:
 
     @staticmethod
     def of(
-        container: ContainerReader, model: LatentModel | ContextModel, limits: DecoderLimits, *, check: bool
+        container: ContainerReader, model: ContextModel, limits: DecoderLimits, *, check: bool
     ) -> CoreDecoder | None:
-        """That of a file; None where it is not for the core."""
-        words = words_of(model) if isinstance(model, ContextModel) else None
-        return None if words is None else CoreDecoder(container, words, limits, check=check)
+        """That of a file; None where the core does not hold its model."""
+        words = words_of(model)
+        try:
+            return None if words is None else CoreDecoder(container, words, limits, check=check)
+        except ModelMismatch:
+            return None
 
     def forget(self) -> None:
         """What follows begins with an I-frame."""

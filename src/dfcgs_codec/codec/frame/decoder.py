@@ -17,7 +17,7 @@ from dfcgs_codec.codec.frame.core_decoder import CoreDecoder, CoreFrame
 from dfcgs_codec.codec.frame.limits import Budget, DecoderLimits
 from dfcgs_codec.codec.frame.numpy_decoder import NumpyDecoder
 from dfcgs_codec.codec.state.planes import FrameState, output
-from dfcgs_codec.core.engine import CORE, NUMPY, chosen_engine
+from dfcgs_codec.core.engine import CORE, NUMPY, wants_core
 from dfcgs_codec.errors import BitstreamError, CorruptBitstream, ModelMismatch
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
@@ -73,7 +73,6 @@ class SequenceDecoder:
         limits: DecoderLimits | None = None,
         engine: str | None = None,
     ) -> None:
-        wanted = chosen_engine(engine)
         self.container = ContainerReader(file)
         self.sequence = self.container.sequence
         self._check = check
@@ -82,7 +81,7 @@ class SequenceDecoder:
         attributes = coded_attributes(self.sequence.sh_degree)
         self._budget = Budget(limits or DecoderLimits(), attributes)
         self._core = None
-        if wanted == CORE:
+        if isinstance(self._model, ContextModel) and wants_core(engine):
             self._core = CoreDecoder.of(self.container, self._model, limits or DecoderLimits(), check=check)
 
     @property

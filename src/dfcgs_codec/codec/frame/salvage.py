@@ -53,13 +53,15 @@ def _whole_frames(decoder: SequenceDecoder, gof: FoundGof) -> Iterator[DecodedFr
         yield gof.error
 
 
-def salvage(file: BinaryIO, losses: list[str], limits: DecoderLimits | None = None) -> Iterator[DecodedFrame]:
+def salvage(
+    file: BinaryIO, losses: list[str], limits: DecoderLimits | None = None, engine: str | None = None
+) -> Iterator[DecodedFrame]:
     """All frames whose chunks, and those of their references, are whole and whose hashes are right.
 
     What is lost is described in `losses`. The sequence header must be whole: its error is raised, and so is
-    ResourceLimit.
+    ResourceLimit. `engine`: see SequenceDecoder.
     """
-    decoder = SequenceDecoder(file, limits=limits)
+    decoder = SequenceDecoder(file, limits=limits, engine=engine)
     search = ChunkSearch(decoder.container)
     lost = _Losses(losses, decoder.sequence.num_frames)
     reason: DfcgsError | None = None
