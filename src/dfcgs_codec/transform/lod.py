@@ -10,11 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
-Int32 = npt.NDArray[np.int32]
-AnyInt = npt.NDArray[np.integer]
+from dfcgs_codec.array_types import Int32, Int64, Integers
 
 NUM_NEIGHBOURS = 8
 WEIGHT_BITS = 8
@@ -62,17 +59,17 @@ class Level:
         """The first of `statistics` alone."""
         return self._mean(self._windows(values)).astype(np.int64)
 
-    def _windows(self, values: Int64) -> list[AnyInt]:
+    def _windows(self, values: Int64) -> list[Integers]:
         """Neighbour k = 0..7 of each row; in 32 bits, which are several times faster, where that is exact."""
-        coarse: AnyInt = values[:: self.step]
+        coarse: Integers = values[:: self.step]
         if len(coarse) and max(int(coarse.max()), -int(coarse.min())) < _NARROW:
             coarse = coarse.astype(np.int32)
         count = len(values[self.rows])
         padded = np.pad(coarse, NUM_NEIGHBOURS // 2, mode="edge")
         return [padded[k + 1 : k + 1 + count] for k in range(NUM_NEIGHBOURS)]
 
-    def _mean(self, windows: list[AnyInt]) -> AnyInt:
-        mean: AnyInt = windows[0] * self.weights[0]
+    def _mean(self, windows: list[Integers]) -> Integers:
+        mean: Integers = windows[0] * self.weights[0]
         one = np.empty_like(mean)
         for window, weight in zip(windows[1:], self.weights[1:], strict=True):
             mean += np.multiply(window, weight, out=one)
