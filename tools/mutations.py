@@ -144,7 +144,7 @@ def _with_options(rng: Rng, header: Any, sequence: SequenceHeader) -> Any:
     """Now and then a part that was absent."""
     if rng.random() > 0.1:
         return header
-    if isinstance(header, MotionHeader):
+    if isinstance(header, LatentHeader):
         return replace(header, spread=SpreadHeader(rng.randrange(1, 129), rng.randrange(-28, 29)))
     if isinstance(header, TopologyHeader):
         attributes = coded_attributes(sequence.sh_degree)

@@ -19,6 +19,13 @@ from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.model.context_model import ContextModel
 
 
+def missing_part(kind: ChunkType, found: ChunkHead | None) -> CorruptBitstream:
+    """The error where another chunk, or none, is `found` in the place of one that a frame announces."""
+    if found is None:
+        return CorruptBitstream("the last frame lacks its other chunks")
+    return CorruptBitstream(f"a frame lacks its {kind.name} chunk", offset=found.offset)
+
+
 class ChunkReader(Generic[Header]):
     """A chunk whose `header` was read; `reader` stands behind it. `charge` is told the symbols of streams."""
 
@@ -79,7 +86,11 @@ class FrameReader:
         given: Header | None,
     ) -> ChunkReader[Header]:
         """See FrameCoder; CorruptBitstream where the next chunk is another."""
-        head = next_chunk(self._heads, kind, self._index)
+        head = next(self._heads, None)
+        if head is None:
+            raise missing_part(kind, None)
+        if head.chunk_type != kind or head.frame_index != self._index:
+            raise missing_part(kind, head)
         self._budget.read(head.end - head.offset)
         reader = self._container.payload(head)
         header = read(reader, self.sequence)
@@ -88,13 +99,3 @@ class FrameReader:
             self.header = header
         charge = self._budget.symbols if isinstance(header, MotionHeader | ResidualHeader) else None
         return ChunkReader(header, reader, self.sequence.sh_degree, charge)
-
-
-def next_chunk(heads: Iterator[ChunkHead], kind: ChunkType, frame: int) -> ChunkHead:
-    """The next chunk, which must be one of `kind` of the frame; CorruptBitstream for any other."""
-    head = next(heads, None)
-    if head is None:
-        raise CorruptBitstream("the last frame lacks its other chunks")
-    if head.chunk_type != kind or head.frame_index != frame:
-        raise CorruptBitstream(f"a frame lacks its {kind.name} chunk", offset=head.offset)
-    return head

@@ -1,4 +1,4 @@
-"""Decoding the frames of a file with the C core: the same steps as `numpy_decoder`, chunk by chunk."""
+"""Decoding the frames of a file with the C core, chunk by chunk."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.frame_headers import coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader
-from dfcgs_codec.codec.frame.chunk_reader import next_chunk
+from dfcgs_codec.codec.frame.chunk_reader import missing_part
 from dfcgs_codec.codec.frame.limits import DecoderLimits, too_large, too_many, unpaid_memory, unpaid_work
-from dfcgs_codec.codec.frame.numpy_decoder import disagreement
 from dfcgs_codec.codec.intra.verbatim import cloud_of_columns
 from dfcgs_codec.codec.state.planes import FrameState, Plane, output
 from dfcgs_codec.core.module import Instance, Record
@@ -29,6 +28,7 @@ from dfcgs_codec.errors import (
     ResourceLimit,
     TruncatedBitstream,
     UnsupportedBitstream,
+    VerificationError,
 )
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
@@ -55,6 +55,14 @@ _ARRAYS = {
     "sh_rest": 1 << Attribute.SH_1 | 1 << Attribute.SH_2 | 1 << Attribute.SH_3,
 }
 _UNLIMITED = (1 << 63) - 1
+
+
+def disagreement(head: ChunkHead) -> VerificationError:
+    """The error of a frame whose hash is not that of the file."""
+    return VerificationError(
+        f"frame {head.frame_index} decodes to other values than its encoder had: please report this file",
+        offset=head.offset,
+    )
 
 
 class CoreFrame:
@@ -107,7 +115,11 @@ class CoreDecoder:
         memory = min(limits.max_memory, _UNLIMITED)
         self._called("core_begin", address, len(header), offset, memory, most, int(check))
         self._last: weakref.ref[CoreFrame] | None = None
-        self.forget()
+        self._planes: dict[Attribute, Plane] = {}
+        self._order: Plane | None = None
+        self._arrays: dict[str, Floats] = {}
+        #: planes that changed since they were copied, and since their floats were
+        self._stale = self._stale_floats = -1
 
     @staticmethod
     def of(
@@ -120,23 +132,17 @@ class CoreDecoder:
         except ModelMismatch:
             return None
 
-    def forget(self) -> None:
-        """What follows begins with an I-frame."""
-        self._leave()
-        self._core.call("core_forget")
-        self._planes: dict[Attribute, Plane] = {}
-        self._order: Plane | None = None
-        self._arrays: dict[str, Floats] = {}
-        #: planes that changed since they were copied, and since their floats were
-        self._stale = self._stale_floats = -1
-
     def frame(self, head: ChunkHead, behind: Iterator[ChunkHead]) -> CoreFrame:
-        """The frame that begins with `head`; takes its other chunks from `behind`."""
+        """Decode the frame that begins with `head`; its other chunks are the next ones of `behind`."""
         self._leave()
+        if head.chunk_type == ChunkType.INTRA_FRAME:
+            self._stale = self._stale_floats = -1
         self._put(head, head)
         while self._record.expects:
-            kind = ChunkType(self._record.expects)
-            self._put(next_chunk(behind, kind, head.frame_index), head)
+            kind, chunk = ChunkType(self._record.expects), next(behind, None)
+            if chunk is None or chunk.chunk_type != kind or chunk.frame_index != head.frame_index:
+                raise missing_part(kind, chunk)
+            self._put(chunk, head)
         self._stale |= self._record.touched
         self._stale_floats |= self._record.touched
         frame = CoreFrame(self)

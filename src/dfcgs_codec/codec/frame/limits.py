@@ -150,14 +150,13 @@ class Budget:
             self._spend(intra_work(header.num_births, self._columns))
 
     def _take(self, memory: int) -> None:
-        limits, frame, count = self._limits, self._frame, self._num_gaussians
-        memory += _PROCESS
+        limits, count, memory = self._limits, self._num_gaussians, memory + _PROCESS
         if limits.max_gaussians is not None and count > limits.max_gaussians:
-            raise too_many(limits, frame, count)
+            raise too_many(limits, self._frame, count)
         if memory > limits.max_memory:
-            raise too_large(limits, frame, count, memory)
+            raise too_large(limits, self._frame, count, memory)
         if limits.max_gaussians is None and memory > _FREE_MEMORY + _MEMORY_PER_BYTE * self._bytes:
-            raise unpaid_memory(frame, count, self._bytes)
+            raise unpaid_memory(self._frame, count, self._bytes)
 
     def _spend(self, work: int) -> None:
         self._work += work
