@@ -1,7 +1,7 @@
 """Traces of conformance streams: what a decoder reads, call by call, and what it arrives at.
 
-`make golden` writes them to tests/conformance/traces, from the package's decoder; tests/conformance/README.md
-says what is in them.
+`make golden` writes them to tests/conformance/traces, from the package's decoder; `python -m tools.traces FILE`
+prints that of any file. tests/conformance/README.md says what is in them.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 from unittest import mock
 
@@ -138,3 +139,7 @@ def trace(data: bytes) -> list[Json]:
                 planes["order"] = frame.state.order.digest
             found.append(recorder.frame(frame.state.hash(), planes))
     return found
+
+
+if __name__ == "__main__":
+    print(as_text(trace(Path(sys.argv[1]).read_bytes())), end="")
