@@ -1,7 +1,7 @@
 """Traces of conformance streams: what a decoder reads, call by call, and what it arrives at.
 
-`make golden` writes them to tests/conformance/traces, from the package's decoder; `python -m tools.traces FILE`
-prints that of any file. tests/conformance/README.md says what is in them.
+`make golden` writes them to tests/conformance/traces, from the package's decoder; tests/conformance/README.md
+says what is in them. `python -m tools.traces FILE` prints that of any file.
 """
 
 from __future__ import annotations
