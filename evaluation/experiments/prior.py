@@ -2,8 +2,8 @@
 
     python -m evaluation.experiments.prior FOLDER [--seconds]
 
-FOLDER holds the models (`<name>.weights`). Bytes of motion and residual for some scenes at QP 28, and seconds to
-decode, land in `evaluation/results/prior.json`.
+FOLDER holds the models (`<name>.weights`). Bytes of motion and residual for some scenes at QP 28, and seconds
+to decode, land in `evaluation/results/prior.json`.
 """
 
 from __future__ import annotations

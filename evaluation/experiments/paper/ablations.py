@@ -4,8 +4,8 @@
 
 Sensitivity to K, M and L; control points against none (every Gaussian its own motion); and models other than
 the one of the package: without hyperprior, prior or refinement, or with fewer bits. FOLDER holds them as
-`<name>.weights` (`python -m training.paper`); without it their rows stay as they were. Bytes and PSNR are those
-of P-frames; figures land in `evaluation/results/paper_ablations.json` after every scene.
+`<name>.weights` (`python -m training.paper`); without it their rows stay as they were. Bytes and PSNR are of
+P-frames; figures land in `evaluation/results/paper_ablations.json` after every scene.
 """
 
 from __future__ import annotations
