@@ -1,25 +1,26 @@
 """Traces of conformance streams: what a decoder reads, call by call, and what it arrives at.
 
 `make golden` writes them to tests/conformance/traces, from the package's decoder; tests/conformance/README.md
-says what is in them.
+says what is in them. `python -m tools.traces FILE` prints that of any file.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import numpy as np
 
 from dfcgs_codec.codec.frame.decoder import SequenceDecoder
-from dfcgs_codec.core.engine import NUMPY
 from dfcgs_codec.entropy import symbols
 from dfcgs_codec.entropy.coder import RangeReader
 
@@ -132,10 +133,15 @@ def as_text(frames: list[Json]) -> str:
 def trace(data: bytes) -> list[Json]:
     """Of each frame of a file."""
     recorder, found = Recorder(data), []
-    with _watching(recorder):
-        for frame in SequenceDecoder(BytesIO(data), engine=NUMPY).frames():
+    # the decoder whose every call can be watched
+    with mock.patch.dict(os.environ, {"DFCGS_ENGINE": "numpy"}), _watching(recorder):
+        for frame in SequenceDecoder(BytesIO(data)).frames():
             planes = {a.name: plane.digest for a, plane in frame.state.planes.items()}
             if frame.state.order is not None:
                 planes["order"] = frame.state.order.digest
             found.append(recorder.frame(frame.state.hash(), planes))
     return found
+
+
+if __name__ == "__main__":
+    print(as_text(trace(Path(sys.argv[1]).read_bytes())), end="")
