@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,8 +59,19 @@ def median_error(frames: list[GaussianCloud], decoded: list[GaussianCloud]) -> f
     return float(np.median(apart))
 
 
-@pytest.mark.parametrize("where", [(0,), (2,), (3,), (0, 1, 2, 3)], ids=str)
-@pytest.mark.parametrize("far", [1e3, 1e5, 1e8, 1e12, 1e35])
+FAR = [1e3, 1e5, 1e8, 1e12, 1e35]
+WHERE = [(0,), (2,), (3,), (0, 1, 2, 3)]
+#: those of `make test`; all others are slow
+QUICK = {(1e3, WHERE[0]), (1e5, WHERE[1]), (1e8, WHERE[2]), (1e12, WHERE[3]), (1e35, WHERE[0])}
+
+
+@pytest.mark.parametrize(
+    ("far", "where"),
+    [
+        pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow, id=str(case))
+        for case in itertools.product(FAR, WHERE)
+    ],
+)
 def test_one_far_gaussian(
     far: float,
     where: tuple[int, ...],

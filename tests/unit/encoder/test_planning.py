@@ -44,8 +44,12 @@ def plan_of(clouds: list[GaussianCloud], **options: Any) -> SequencePlan:
     return plan_sequence(MemorySource(clouds), encoder_options(**options))
 
 
-@pytest.mark.parametrize("quality", [32.0, 42.0, 50.0])
-@pytest.mark.parametrize("scene", ["ball", "asset", "ball with views"])
+@pytest.mark.parametrize(
+    ("scene", "quality"),
+    [("ball", 32.0), ("asset", 42.0), ("asset", 50.0), ("ball with views", 42.0)]
+    + [pytest.param("ball", quality, marks=pytest.mark.slow) for quality in (42.0, 50.0)]
+    + [pytest.param("ball with views", quality, marks=pytest.mark.slow) for quality in (32.0, 50.0)],
+)
 def test_the_estimate_is_what_was_asked_for(scene: str, quality: float) -> None:
     cloud = real_cloud(2000) if scene == "asset" else ball()
     plan = plan_of([cloud], quality=quality, views=around() if "views" in scene else None)
@@ -55,8 +59,15 @@ def test_the_estimate_is_what_was_asked_for(scene: str, quality: float) -> None:
     assert 0 < plan.qp < 51
 
 
-@pytest.mark.parametrize("views", [None, around()], ids=["none", "views"])
-@pytest.mark.parametrize("quality", [34.0, 44.0])
+@pytest.mark.parametrize(
+    ("views", "quality"),
+    [
+        pytest.param(None, 34.0, id="none"),
+        pytest.param(around(), 44.0, id="views"),
+        pytest.param(None, 44.0, id="none, finer", marks=pytest.mark.slow),
+        pytest.param(around(), 34.0, id="views, coarser", marks=pytest.mark.slow),
+    ],
+)
 def test_images_are_about_as_good_as_estimated(views: Views | None, quality: float, tmp_path: Path) -> None:
     cloud = real_cloud(2000)
     options = EncoderOptions(quality=quality, views=views, order="input")
@@ -198,8 +209,13 @@ def check(frames: list[GaussianCloud], path: Path, **options: Any) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("views", [None, viewers()], ids=["none", "views"])
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize(
+    ("name", "views"),
+    [
+        *[pytest.param(name, viewers(), id=f"{name}, views") for name in OPTIONS],
+        *[pytest.param(name, None, id=name, marks=pytest.mark.slow) for name in OPTIONS],
+    ],
+)
 def test_options_get_along_with_qualities_and_views(name: str, views: Views | None, tmp_path: Path) -> None:
     frames = [room(), replace(room(), sh_dc=room().sh_dc + np.float32(0.02))]
     check(frames, tmp_path / "a.dgs", views=views, **OPTIONS[name])

@@ -116,8 +116,17 @@ def test_frames_of_other_counts_are_looked_at_one_by_one(tmp_path: Path) -> None
     assert report.num_unseen == room().num_gaussians - decoded[0].num_gaussians
 
 
-@pytest.mark.parametrize("kind", ["tracked", "births and deaths", "lost order"])
-@pytest.mark.parametrize("keep", [False, True], ids=["left out", "kept"])
+@pytest.mark.parametrize(
+    ("kind", "keep"),
+    [
+        ("tracked", False),
+        ("births and deaths", True),
+        ("lost order", False),
+        pytest.param("tracked", True, marks=pytest.mark.slow),
+        pytest.param("births and deaths", False, marks=pytest.mark.slow),
+        pytest.param("lost order", True, marks=pytest.mark.slow),
+    ],
+)
 def test_the_number_of_processes_changes_no_byte(kind: str, keep: bool, tmp_path: Path) -> None:
     frames = {
         "tracked": lambda: all_changing(room(), 4),
