@@ -15,7 +15,7 @@ import pytest
 from dfcgs_codec.ply import peek_header
 from lab.chunks import join_chunks, split_chunks
 from lab.small_clouds import drifting, make_cloud, real_cloud
-from tests.cli.test_encode import fails
+from tests.cli.test_encode import QUICK, fails
 from tests.helpers import dfcgs, dfcgs_process, ply_table, write_frames, write_table
 
 
@@ -172,7 +172,7 @@ def test_a_frame_that_is_no_ply(tmp_path: Path, content: bytes) -> None:
 def test_a_frame_without_gaussians(tmp_path: Path, where: int) -> None:
     frames = write_frames(tmp_path / "in", drifting(make_cloud(5), 2))
     write_table(frames / f"frame_{where:04d}.ply", ply_table(make_cloud(1))[:0])
-    assert dfcgs("encode", frames, tmp_path / "a.dgs").returncode == 0
+    assert dfcgs("encode", frames, tmp_path / "a.dgs", *QUICK).returncode == 0
     assert dfcgs("decode", tmp_path / "a.dgs", tmp_path / "out").returncode == 0
     counts = [peek_header(path).num_gaussians for path in sorted((tmp_path / "out").iterdir())]
     assert counts == [0 if index == where else 5 for index in range(2)]
@@ -182,7 +182,7 @@ def test_an_error_in_another_process_is_one_line(tmp_path: Path) -> None:
     write_frames(tmp_path / "frames", drifting(make_cloud(50), 6))
     bad = tmp_path / "frames" / "frame_0005.ply"
     bad.write_bytes(bad.read_bytes()[:-10])
-    done = dfcgs("encode", tmp_path / "frames", tmp_path / "a.dgs", "--gof-size", "2", "--jobs", "2")
+    done = dfcgs("encode", tmp_path / "frames", tmp_path / "a.dgs", "--gof-size", "2", "--jobs", "2", *QUICK)
     fails(done, 1, "frame_0005.ply", "truncated")
     assert names(tmp_path) == ["frames"]
 
