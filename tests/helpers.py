@@ -8,10 +8,11 @@ import sys
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 from plyfile import PlyData, PlyElement
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -37,6 +38,15 @@ OCTAHEDRAL = Rotation.create_group("O")
 QUICK = EncoderOptions(qp=27)
 
 _T = TypeVar("_T")
+
+
+def taking_turns(first: Sequence[Any], second: Sequence[Any]) -> list[Any]:
+    """All pairs for `parametrize`; each of `first` with one of `second` in turn, the others are slow."""
+    return [
+        pytest.param(a, b, marks=() if turn == place % len(second) else pytest.mark.slow)
+        for place, a in enumerate(first)
+        for turn, b in enumerate(second)
+    ]
 
 
 # --- encode and decode --------------------------------------------------------------------------------

@@ -47,6 +47,7 @@ from tests.helpers import (
     rotation_degrees,
     round_trip,
     shape_errors,
+    taking_turns,
     write_frames,
 )
 
@@ -151,8 +152,7 @@ def test_decoder_and_encoder_agree(name: str, tmp_path: Path) -> None:
         assert all(np.isfinite(getattr(cloud, field)).all() for field in FIELDS)
 
 
-@pytest.mark.parametrize("name", SEQUENCES)
-@pytest.mark.parametrize("visibility", [True, False])
+@pytest.mark.parametrize(("name", "visibility"), taking_turns(list(SEQUENCES), (True, False)))
 def test_input_order_matches_the_input_index_by_index(name: str, visibility: bool, tmp_path: Path) -> None:
     frames = SEQUENCES[name]()
     options = encoder_options(PLAIN, gof_size=2, visibility=visibility)
@@ -437,17 +437,7 @@ NEVER_WORSE = ["two Gaussians", "33 Gaussians", "SH degree 3", "trained", "still
 NEVER_WORSE += ["scene cut", "lost order", "changed count", "outliers", "coincident"]
 
 
-def both_orders(name: str, index: int) -> list:
-    """A name with each order of Gaussians; those of `make test` take turns."""
-    return [
-        pytest.param(name, order, marks=() if place == index % 2 else pytest.mark.slow)
-        for place, order in enumerate((SEQUENCE, INPUT))
-    ]
-
-
-@pytest.mark.parametrize(
-    ("name", "order"), [case for i, name in enumerate(NEVER_WORSE) for case in both_orders(name, i)]
-)
+@pytest.mark.parametrize(("name", "order"), taking_turns(NEVER_WORSE, (SEQUENCE, INPUT)))
 def test_p_frames_never_cost_more_than_i_frames_would(name: str, order: OutputOrder, tmp_path: Path) -> None:
     frames = SEQUENCES[name]()
     intra = encode(frames, tmp_path / "a.dgs", replace(QUICK, gof_size=1, order=order)).num_bytes
@@ -582,8 +572,7 @@ def test_zero_quaternions_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("where", [(0,), (1,), (2,), (0, 1), (1, 2), (0, 1, 2)])
-@pytest.mark.parametrize("gof_size", [None, 1])
-@pytest.mark.parametrize("order", [SEQUENCE, INPUT])
+@pytest.mark.parametrize(("gof_size", "order"), [(None, SEQUENCE), (None, INPUT), (1, SEQUENCE)])
 def test_frames_without_gaussians_are_frames(
     where: tuple[int, ...], gof_size: int | None, order: OutputOrder, tmp_path: Path
 ) -> None:

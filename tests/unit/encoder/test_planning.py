@@ -22,6 +22,7 @@ from dfcgs_codec.views.camera import ViewCamera, Views
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, coincident_cloud, joined, make_cloud, real_cloud, with_outliers
 from lab.small_room import gaussians, looking, room, viewers
+from tests.helpers import taking_turns
 
 NAMES = {"low": 32.0, "medium": 37.0, "high": 42.0, "transparent": 50.0}
 
@@ -222,8 +223,7 @@ def test_options_get_along_with_qualities_and_views(name: str, views: Views | No
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("views", [None, viewers()], ids=["none", "views"])
-@pytest.mark.parametrize("name", CLOUDS)
+@pytest.mark.parametrize(("name", "views"), taking_turns(list(CLOUDS), (None, viewers())))
 def test_any_cloud_is_planned_and_coded(name: str, views: Views | None, tmp_path: Path) -> None:
     check(CLOUDS[name], tmp_path / "a.dgs", views=views)
 
