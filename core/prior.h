@@ -65,7 +65,7 @@ DFCGS_EXPORT void dfcgs_add_wide_feature(const int64_t *feature, uint32_t count,
 typedef struct {
     const dfcgs_network *network;
     const int32_t *prepared; /* [count][dfcgs_prepared_width] */
-    const uint8_t *others;   /* [count][10] */
+    const uint8_t *others;   /* [count][10], 0 for what a pass finds: u[0] to u[2], u[7], u[8] */
     const uint8_t *kinds;    /* [count] */
     const int64_t *own;      /* [count] */
     int32_t mean_weight;     /* w[0] */

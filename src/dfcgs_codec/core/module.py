@@ -15,6 +15,8 @@ import numpy.typing as npt
 MODULE = Path(__file__).with_name("core.wasm")
 #: linear memory ends here
 MOST_MEMORY = (1 << 32) - 1
+#: it grows by these
+_PAGE = 1 << 16
 _NUM_ATTRIBUTES = 8
 _NUM_ARRAYS = 6
 _RECORD = struct.Struct("<4q2iI2IiI4i" + "8I8I3I6I")
@@ -96,6 +98,12 @@ class Instance:
         """A function, and the types of its arguments."""
         function: Any = self._exports[name]
         return function, [str(kind) for kind in function.type(self._store).params]
+
+    def grow(self, count: int) -> int:
+        """Address of `count` bytes more, which are 0 and which no decoder has use of."""
+        end: int = self._memory.data_len(self._store)
+        self._memory.grow(self._store, -(-count // _PAGE))
+        return end
 
     def record(self) -> Record:
         """The record after the last call."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS
+from dfcgs_codec.core import procedures
 
 #: cells lie within +- this
 CELL_LIMIT = 1 << 20
@@ -59,6 +60,12 @@ def farthest_points(cells: Int64, count: int) -> Int64:
     Begins with Gaussian 0; each next one is the farthest from all before it, the first of equals. Ends early
     when every Gaussian coincides with a chosen one.
     """
+    if procedures.is_worth(len(cells)):
+        return procedures.farthest_points(cells, count)
+    return _farthest_points(cells, count)
+
+
+def _farthest_points(cells: Int64, count: int) -> Int64:
     buckets = _buckets(cells)
     low, high = buckets.min(axis=2), buckets.max(axis=2)
     farthest = np.full(low.shape[1], np.iinfo(np.int64).max)
@@ -166,6 +173,12 @@ class Gathering:
 
 def gather_from(cells: Int64, control: Int64) -> Gathering:
     """Who follows whom: weights (1 - d / edge)**2, where the edge is the distance of the fifth nearest."""
+    if procedures.is_worth(len(cells)):
+        return Gathering(*procedures.gather(cells, control))
+    return _gather_from(cells, control)
+
+
+def _gather_from(cells: Int64, control: Int64) -> Gathering:
     count = min(NUM_GATHERED, len(control))
     asked = min(NUM_GATHERED + 1, len(control))
     ranks, squared = nearest(cells, control, asked)

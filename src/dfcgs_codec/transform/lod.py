@@ -8,10 +8,12 @@ multiples of 2**l; each is predicted from the eight nearest *in order* among the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from dfcgs_codec.array_types import Int32, Int64, Integers
+from dfcgs_codec.core import procedures
 
 NUM_NEIGHBOURS = 8
 WEIGHT_BITS = 8
@@ -111,12 +113,22 @@ def _weights(positions: Int64, first: int, step: int) -> Int32:
 
 def build_levels(positions: Int64) -> LevelsOfDetail:
     """Levels for `positions` (N, 3) in canonical order, in units of the position step."""
+    weights_of = partial(_weights, positions)
+    if procedures.is_worth(len(positions)):
+        weights_of = partial(_known_weights, procedures.distance_weights(positions))
     count = num_levels(len(positions))
     levels = tuple(
-        Level(1 << level, 2 << level, _weights(positions, 1 << level, 2 << level))
+        Level(1 << level, 2 << level, weights_of(1 << level, 2 << level))
         for level in range(count - 1, -1, -1)
     )
     return LevelsOfDetail(slice(0, None, 1 << count), levels)
+
+
+def _known_weights(weights: Integers, first: int, step: int) -> Int32:
+    """Those of one level among `weights` (N, 8), where levels lie behind all rows that predict them."""
+    count = len(weights)
+    start, rows = len(range(0, count, step)), len(range(first, count, step))
+    return np.ascontiguousarray(weights[start : start + rows].T, np.int32)
 
 
 def order_levels(count: int) -> LevelsOfDetail:

@@ -18,7 +18,6 @@ from dfcgs_codec.codec.frame.limits import DecoderLimits, too_large, too_many, u
 from dfcgs_codec.codec.intra.verbatim import cloud_of_columns
 from dfcgs_codec.codec.state.planes import FrameState, Plane, output
 from dfcgs_codec.core.module import Instance, Record
-from dfcgs_codec.core.weights import words_of
 from dfcgs_codec.errors import (
     BitstreamError,
     CorruptBitstream,
@@ -32,6 +31,7 @@ from dfcgs_codec.errors import (
 )
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
+from dfcgs_codec.model.words import words_of
 
 #: dfcgs_status of core/core.h
 _ERRORS: dict[int, type[BitstreamError]] = {
