@@ -53,7 +53,10 @@ def _seconds(path: Path, engine: str) -> Iterator[float]:
 def measure(path: Path) -> dict[str, Any]:
     """Median seconds of I-frames, of the first P-frame, which binds control points, and of the others."""
     info = probe(path)
-    found: dict[str, Any] = {"num_gaussians": info.frames[0].num_gaussians, "sh_degree": info.header.sh_degree}
+    found: dict[str, Any] = {
+        "num_gaussians": info.frames[0].num_gaussians,
+        "sh_degree": info.header.sh_degree,
+    }
     runs = [{engine: list(_seconds(path, engine)) for engine in ENGINES} for _ in range(_REPEATS)]
     for engine in ENGINES:
         times = [run[engine] for run in runs]

@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 
 from dfcgs_codec.model import registry
-from dfcgs_codec.model.words import words_of
+from dfcgs_codec.model.core_words import words_of
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tools.mutations import FOLDER, mutated, streams

@@ -1,4 +1,4 @@
-"""The C core decodes what numpy decodes, to the same bits, and refuses what it refuses, alike."""
+"""The C core decodes what numpy decodes, bit by bit, and refuses what it refuses for the same reason."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from dfcgs_codec.codec.frame.salvage import salvage
 from dfcgs_codec.core import engine
 from dfcgs_codec.core.module import MODULE
 from dfcgs_codec.model import registry
-from dfcgs_codec.model.words import words_of
+from dfcgs_codec.model.core_words import words_of
 from tests.context_models import random_prior
 from tests.helpers import ROOT
 from tools.build_core import build

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int32, Int64
 from dfcgs_codec.core.engine import wants_core
 from dfcgs_codec.core.module import MOST_MEMORY, Instance
-
-Int64 = npt.NDArray[np.int64]
-Int32 = npt.NDArray[np.int32]
 
 #: fewer rows are not worth loading the core for
 _FEWEST = 1 << 13

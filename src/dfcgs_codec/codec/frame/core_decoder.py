@@ -31,7 +31,7 @@ from dfcgs_codec.errors import (
 )
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
-from dfcgs_codec.model.words import words_of
+from dfcgs_codec.model.core_words import words_of
 
 #: dfcgs_status of core/core.h
 _ERRORS: dict[int, type[BitstreamError]] = {
