@@ -20,7 +20,7 @@ CODEC := tests --ignore tests/lab --ignore tests/evaluation --ignore tests/train
 VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit/transform tests/unit/test_ply.py
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval env-train demo test test-slow test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden cli-page clean \
+.PHONY: help env env-eval env-train demo test test-slow test-oldest test-newest test-evaluation test-training train train-prior check format core fuzz fuzz-core golden cli-page clean \
 	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-paper bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts picture fitted captures
 
 help: ## list the targets
@@ -107,6 +107,13 @@ format: $(STAMP) ## lay the code out
 
 fuzz: $(STAMP) ## break files in ways that keep their checksums right, for 10 minutes: make fuzz MINUTES=60 FIRST=1000000
 	$(BIN)/python tools/fuzz.py --minutes $(MINUTES) --first $(FIRST)
+
+core: $(STAMP) ## build the C core to the WebAssembly module of the package, with a compiler from PyPI
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[core]'
+	$(BIN)/python tools/build_core.py
+
+fuzz-core: $(STAMP) ## break files for the C core under sanitizers (clang, or gcc): make fuzz-core MINUTES=60
+	$(BIN)/python tools/fuzz_core.py --seconds $$((60 * $(MINUTES))) --first $(FIRST)
 
 golden: $(STAMP) ## write the conformance streams (refuses to touch a released version)
 	$(BIN)/python tools/make_golden.py
