@@ -103,13 +103,20 @@ static dfcgs_status decode_intra(dfcgs_decoder *d, dfcgs_streams *streams, const
     return DFCGS_OK;
 }
 
+/* Reads the lengths of streams, and stands before the first one. */
+static dfcgs_status open_streams(dfcgs_decoder *d, dfcgs_reader *r, int count, uint64_t *lengths, dfcgs_streams *streams) {
+    DFCGS_TRY(dfcgs_read_lengths(r, count, lengths));
+    return dfcgs_open_streams(streams, r, lengths, count, stream_of(d));
+}
+
 static dfcgs_status put_intra(dfcgs_decoder *d, dfcgs_reader *r) {
     dfcgs_intra_header header;
     dfcgs_streams streams;
+    uint64_t lengths[DFCGS_MAX_STREAMS];
     DFCGS_TRY(dfcgs_read_intra(r, &d->sequence, &header));
     memcpy(d->frame.hash, header.hash, DFCGS_HASH_BYTES);
     DFCGS_TRY(dfcgs_charge_intra(&d->budget, d->frame.index, header.num_gaussians, &header.control));
-    DFCGS_TRY(dfcgs_open_streams(&streams, r, header.lengths, header.num_streams, stream_of(d)));
+    DFCGS_TRY(open_streams(d, r, header.num_streams, lengths, &streams));
     if (header.num_gaussians == 0) header.kind = DFCGS_CODED;
     DFCGS_TRY(dfcgs_take_gof(&d->arena, d->sequence.num_attributes, &header, &d->gof));
     if (header.num_gaussians) {
@@ -124,25 +131,14 @@ static dfcgs_status put_intra(dfcgs_decoder *d, dfcgs_reader *r) {
 
 /* --- TOPOLOGY ------------------------------------------------------------------------------------------------------------- */
 
-static dfcgs_status check_topology(dfcgs_decoder *d, int64_t offset, uint32_t *count) {
-    const dfcgs_topology_header *header = &d->frame.topology;
-    uint64_t after = (uint64_t)d->gof.count - header->num_removals + header->num_births;
-    if (header->num_removals >= d->gof.count)
-        return dfcgs_refuse(&d->error, DFCGS_LIMIT, offset, "more Gaussians go than there are");
-    if (after > d->sequence.limits.max_gaussians)
-        return dfcgs_refuse(&d->error, DFCGS_LIMIT, offset, "too many Gaussians");
-    *count = (uint32_t)after;
-    return DFCGS_OK;
-}
-
 /* Who survives: `kept` [count]. */
-static dfcgs_status read_removals(dfcgs_decoder *d, uint32_t *kept) {
+static dfcgs_status read_removals(dfcgs_decoder *d, dfcgs_streams *streams, uint32_t *kept) {
     static const uint8_t used[1] = {1};
     uint32_t count = d->gof.count, survivors = 0;
     dfcgs_stream *s;
     dfcgs_model models[1];
     uint8_t *contexts, *removed;
-    DFCGS_TRY(dfcgs_next_stream(&d->frame.topology_streams, &s));
+    DFCGS_TRY(dfcgs_next_stream(streams, &s));
     DFCGS_GET_ZEROS(contexts, &d->arena, uint8_t, count);
     DFCGS_GET(removed, &d->arena, uint8_t, count);
     DFCGS_TRY(dfcgs_read_histograms(s, used, 1, 2, models));
@@ -153,60 +149,85 @@ static dfcgs_status read_removals(dfcgs_decoder *d, uint32_t *kept) {
     return dfcgs_corrupt(&d->error, DFCGS_NO_OFFSET, "removals are not as many as their number says");
 }
 
-static dfcgs_status read_births(dfcgs_decoder *d) {
-    dfcgs_intra_frame *births = &d->frame.births;
+static dfcgs_status read_births(dfcgs_decoder *d, dfcgs_streams *streams) {
+    dfcgs_births *births = &d->frame.births;
     uint32_t count = d->frame.topology.num_births;
     births->state = (dfcgs_state){.count = count, .num_attributes = d->gof.num_attributes};
     for (int a = 0; a < d->gof.num_attributes; a++)
         DFCGS_GET(births->state.planes[a], &d->arena, int32_t, (size_t)count * (size_t)dfcgs_columns(a));
     DFCGS_GET(births->cover, &d->arena, uint8_t, count);
-    return dfcgs_coded_intra(&d->frame.topology_streams, &d->sequence, &d->frame.topology.coding, 0, births);
+    dfcgs_intra_frame frame = {births->state, births->cover, NULL};
+    return dfcgs_coded_intra(streams, &d->sequence, &d->frame.topology.coding, 0, &frame);
+}
+
+/* Places [count] that are expected of survivors and births. */
+static void expect_places(const dfcgs_decoder *d, uint32_t count, int32_t *places) {
+    const dfcgs_gof *gof = &d->gof;
+    const uint32_t *source = d->frame.births.source;
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t row = source ? source[i] : i;
+        places[i] = !gof->has_order ? (int32_t)i : row < gof->count ? gof->order[row] : (int32_t)row;
+    }
+}
+
+static dfcgs_status read_places(dfcgs_decoder *d, dfcgs_streams *streams) {
+    dfcgs_stream *s;
+    uint32_t count = d->frame.num_gaussians;
+    dfcgs_column_shape shape = dfcgs_plain_column(dfcgs_order_levels(count));
+    int32_t *places, *expected;
+    DFCGS_GET(places, &d->arena, int32_t, count);
+    DFCGS_GET(expected, &d->arena, int32_t, count);
+    DFCGS_TRY(dfcgs_next_stream(streams, &s));
+    DFCGS_TRY(dfcgs_column(s, &shape, places, NULL));
+    expect_places(d, count, expected);
+    for (uint32_t i = 0; i < count; i++) places[i] += expected[i];
+    d->frame.places = places;
+    return dfcgs_check_permutation(s, places, count);
+}
+
+/* Removals, births and places, in the order of their streams. */
+static dfcgs_status read_topology(dfcgs_decoder *d, dfcgs_streams *streams) {
+    const dfcgs_topology_header *header = &d->frame.topology;
+    uint32_t *kept;
+    DFCGS_GET(kept, &d->arena, uint32_t, d->gof.count);
+    if (header->num_removals) {
+        DFCGS_TRY(read_removals(d, streams, kept));
+        DFCGS_TRY(dfcgs_keep_survivors(&d->arena, &d->gof, kept, d->gof.count - header->num_removals));
+    }
+    if (header->num_births) {
+        DFCGS_TRY(read_births(d, streams));
+        DFCGS_TRY(dfcgs_place_births(&d->arena, &d->gof, &d->frame.births));
+    }
+    if (header->has_permutation) DFCGS_TRY(read_places(d, streams));
+    return dfcgs_close_streams(streams);
 }
 
 static dfcgs_status put_topology(dfcgs_decoder *d, dfcgs_reader *r) {
     dfcgs_frame *f = &d->frame;
-    int64_t offset = dfcgs_offset(r);
-    uint32_t count, *kept;
-    f->topology_reader = *r;
-    r = &f->topology_reader;
-    DFCGS_TRY(dfcgs_read_topology(r, &d->sequence, &f->topology));
-    DFCGS_TRY(check_topology(d, offset, &count));
-    if (f->topology.num_births) DFCGS_TRY(dfcgs_charge_births(&d->budget, f->index, f->topology.num_births, count));
-    int births = f->topology.num_births ? d->gof.num_attributes + 2 : 0;
-    int num_streams = (f->topology.num_removals > 0) + births + f->topology.has_permutation;
-    DFCGS_TRY(dfcgs_read_lengths(r, num_streams, f->topology_lengths));
-    DFCGS_TRY(dfcgs_open_streams(&f->topology_streams, r, f->topology_lengths, num_streams, stream_of(d)));
-    DFCGS_GET(kept, &d->arena, uint32_t, d->gof.count);
-    if (f->topology.num_removals) DFCGS_TRY(read_removals(d, kept));
-    if (births) DFCGS_TRY(read_births(d));
-    if (f->topology.num_removals)
-        DFCGS_TRY(dfcgs_keep_survivors(&d->arena, &d->gof, kept, d->gof.count - f->topology.num_removals));
+    const dfcgs_topology_header *header = &f->topology;
+    dfcgs_streams streams;
+    uint64_t lengths[DFCGS_MAX_STREAMS];
+    DFCGS_TRY(dfcgs_read_topology(r, &d->sequence, d->gof.count, &f->topology));
+    f->num_gaussians = d->gof.count - header->num_removals + header->num_births;
+    if (header->num_births) DFCGS_TRY(dfcgs_charge_births(&d->budget, f->index, header->num_births, f->num_gaussians));
+    int births = header->num_births ? d->gof.num_attributes + 2 : 0;
+    int num_streams = (header->num_removals > 0) + births + header->has_permutation;
+    DFCGS_TRY(open_streams(d, r, num_streams, lengths, &streams));
+    DFCGS_TRY(read_topology(d, &streams));
     f->has_topology = 1;
     return DFCGS_OK;
 }
 
-static dfcgs_status read_places(dfcgs_decoder *d) {
+/* The end of a frame in which Gaussians come or have other places. */
+static dfcgs_status finish_topology(dfcgs_decoder *d) {
+    dfcgs_frame *f = &d->frame;
     dfcgs_gof *gof = &d->gof;
-    dfcgs_stream *s;
-    dfcgs_column_shape shape = dfcgs_plain_column(dfcgs_order_levels(gof->count));
-    int32_t *places;
-    DFCGS_GET(places, &d->arena, int32_t, gof->count);
-    DFCGS_TRY(dfcgs_next_stream(&d->frame.topology_streams, &s));
-    DFCGS_TRY(dfcgs_column(s, &shape, places, NULL));
-    for (uint32_t i = 0; i < gof->count; i++) places[i] += gof->has_order ? gof->order[i] : (int32_t)i;
-    DFCGS_TRY(dfcgs_check_permutation(s, places, gof->count));
-    memcpy(gof->order, places, gof->count * sizeof *places);
+    if (f->topology.num_births) DFCGS_TRY(dfcgs_insert_births(&d->arena, gof, &f->births));
+    if (!f->places) return DFCGS_OK;
+    memcpy(gof->order, f->places, gof->count * sizeof *gof->order);
     gof->has_order = 1;
     dfcgs_touch(gof, DFCGS_ORDER_BIT);
     return DFCGS_OK;
-}
-
-static dfcgs_status finish_topology(dfcgs_decoder *d) {
-    dfcgs_frame *f = &d->frame;
-    if (f->topology.num_births)
-        DFCGS_TRY(dfcgs_insert_births(&d->arena, &d->gof, &f->births.state, f->births.cover));
-    if (f->topology.has_permutation) DFCGS_TRY(read_places(d));
-    return dfcgs_close_streams(&f->topology_streams);
 }
 
 /* --- MOTION --------------------------------------------------------------------------------------------------------------- */
@@ -217,8 +238,7 @@ static dfcgs_status charge_symbols(void *whom, uint64_t num_symbols) {
 }
 
 static dfcgs_status open_charged(dfcgs_decoder *d, dfcgs_reader *r, int count, uint64_t *lengths, dfcgs_streams *streams) {
-    DFCGS_TRY(dfcgs_read_lengths(r, count, lengths));
-    DFCGS_TRY(dfcgs_open_streams(streams, r, lengths, count, stream_of(d)));
+    DFCGS_TRY(open_streams(d, r, count, lengths, streams));
     streams->charge = charge_symbols;
     streams->whom = d;
     return DFCGS_OK;
@@ -410,9 +430,10 @@ static dfcgs_status put_inter(dfcgs_decoder *d, dfcgs_reader *r) {
     f->num_gaussians = d->gof.count;
     d->gof.touched = 0;
     DFCGS_TRY(dfcgs_charge_inter(&d->budget, f->index, d->gof.count, &f->header));
+    DFCGS_TRY(dfcgs_expect_end(r));
     if (f->header.tools || f->header.mask) {
         if (d->gof.count == 0)
-            return dfcgs_corrupt(&d->error, f->offset, "a P-frame that changes a frame without Gaussians");
+            return dfcgs_corrupt(&d->error, DFCGS_NO_OFFSET, "a P-frame that changes a frame without Gaussians");
         d->gof.has_patterns = 0;
         d->escapes = NULL;
     }

@@ -35,17 +35,15 @@ typedef struct {
 
 /* A frame under way: what its chunks so far have said. */
 typedef struct {
-    uint32_t index, num_gaussians; /* num_gaussians: those of the reference frame */
+    uint32_t index, num_gaussians; /* num_gaussians: those of its output */
     int64_t offset;
     int is_intra, expects; /* type of the chunk that comes next, 0 when the frame is whole */
     uint8_t hash[DFCGS_HASH_BYTES];
     dfcgs_inter_header header;
     int has_topology, has_motion, has_residual;
     dfcgs_topology_header topology;
-    dfcgs_reader topology_reader;
-    uint64_t topology_lengths[DFCGS_MAX_STREAMS];
-    dfcgs_streams topology_streams;
-    dfcgs_intra_frame births;
+    dfcgs_births births;
+    int32_t *places; /* of all Gaussians in the output, where the frame says them */
     dfcgs_motion_header motion;
     int32_t *reference; /* POSITION of the reference frame, where the frame has moved */
     const uint8_t *escapes;

@@ -77,8 +77,6 @@ DFCGS_EXPORT int core_begin(const uint8_t *payload, uint32_t size, int64_t offse
     return report(status);
 }
 
-DFCGS_EXPORT void core_forget(void) { dfcgs_forget(&decoder); }
-
 DFCGS_EXPORT void *core_payload(int type, uint32_t size) { return dfcgs_payload_room(&decoder, type, size); }
 
 /* The chunk whose payload was put at `payload`. */
@@ -102,6 +100,10 @@ DFCGS_EXPORT int core_next(void) {
     if (!is_there) info.count = UINT32_MAX;
     return status;
 }
+
+/* Coefficients above degree 0 of a channel, and floats to a coordinate: 2 where positions are doubles. */
+DFCGS_EXPORT int core_num_rest(void) { return decoder.sequence.sh_degree * (decoder.sequence.sh_degree + 2); }
+DFCGS_EXPORT int core_position_floats(void) { return decoder.sequence.precision == DFCGS_FLOAT64 ? 2 : 1; }
 
 /* The frame as floats: those arrays of `info` that are wanted. */
 DFCGS_EXPORT int core_output(int wanted) {

@@ -169,19 +169,11 @@ static void add_rows(row_arrays *list, void *rows, const void *births, size_t wi
     list->arrays[list->count++] = (row_array){rows, births, width};
 }
 
-/* What births bring with them. */
-typedef struct {
-    const dfcgs_state *state;
-    const uint8_t *cover;
-    int32_t *anchors, *cells, *order;
-    dfcgs_binding *bindings;
-} newcomers;
-
 /* All arrays that have a row for each Gaussian and are of use; `born` NULL where nobody is. */
-static row_arrays all_rows(const dfcgs_gof *g, const newcomers *born) {
+static row_arrays all_rows(const dfcgs_gof *g, const dfcgs_births *born) {
     row_arrays list = {0};
     for (int a = 0; a < g->num_attributes; a++)
-        add_rows(&list, g->planes[a], born ? born->state->planes[a] : NULL, (size_t)dfcgs_columns(a) * sizeof(int32_t));
+        add_rows(&list, g->planes[a], born ? born->state.planes[a] : NULL, (size_t)dfcgs_columns(a) * sizeof(int32_t));
     if (g->has_order) add_rows(&list, g->order, born ? born->order : NULL, sizeof *g->order);
     add_rows(&list, g->anchors, born ? born->anchors : NULL, 3 * sizeof *g->anchors);
     add_rows(&list, g->cells, born ? born->cells : NULL, 3 * sizeof *g->cells);
@@ -263,29 +255,42 @@ static void sort_keyed(keyed *all, keyed *room, uint32_t count) {
     }
 }
 
-/* Which row stands where: `source` [survivors + births], survivors first in the counting. */
-static dfcgs_status find_places(dfcgs_arena *arena, const dfcgs_gof *g, const int32_t *birth_cells, uint32_t births,
-                                uint32_t *source) {
+static dfcgs_status find_source(dfcgs_arena *arena, const dfcgs_gof *g, const dfcgs_births *births) {
     size_t mark = arena->used;
+    uint32_t count = births->state.count, *source = births->source;
     uint64_t *keys, *birth_keys, rising = 0;
     keyed *sorted, *room;
     DFCGS_GET(keys, arena, uint64_t, g->count);
-    DFCGS_GET(birth_keys, arena, uint64_t, births);
-    DFCGS_GET(sorted, arena, keyed, births);
-    DFCGS_GET(room, arena, keyed, births);
+    DFCGS_GET(birth_keys, arena, uint64_t, count);
+    DFCGS_GET(sorted, arena, keyed, count);
+    DFCGS_GET(room, arena, keyed, count);
     dfcgs_cell_keys(g->cells, g->count, keys);
-    dfcgs_cell_keys(birth_cells, births, birth_keys);
-    for (uint32_t j = 0; j < births; j++) sorted[j] = (keyed){birth_keys[j], j};
-    sort_keyed(sorted, room, births);
+    dfcgs_cell_keys(births->cells, count, birth_keys);
+    for (uint32_t j = 0; j < count; j++) sorted[j] = (keyed){birth_keys[j], j};
+    sort_keyed(sorted, room, count);
     uint32_t next = 0, at = 0;
     for (uint32_t i = 0; i < g->count; i++) {
         rising = keys[i] > rising ? keys[i] : rising;
-        while (next < births && sorted[next].key < rising) source[at++] = g->count + sorted[next++].index;
+        while (next < count && sorted[next].key < rising) source[at++] = g->count + sorted[next++].index;
         source[at++] = i;
     }
-    while (next < births) source[at++] = g->count + sorted[next++].index;
+    while (next < count) source[at++] = g->count + sorted[next++].index;
     arena->used = mark;
     return DFCGS_OK;
+}
+
+dfcgs_status dfcgs_place_births(dfcgs_arena *arena, dfcgs_gof *gof, dfcgs_births *births) {
+    const int32_t *positions = births->state.planes[DFCGS_POSITION];
+    uint32_t count = births->state.count;
+    DFCGS_TRY(dfcgs_need_points(arena, gof));
+    DFCGS_GET(births->anchors, arena, int32_t, 3 * (size_t)count);
+    DFCGS_GET(births->cells, arena, int32_t, 3 * (size_t)count);
+    DFCGS_GET(births->order, arena, int32_t, count);
+    DFCGS_GET(births->source, arena, uint32_t, (size_t)gof->count + count);
+    dfcgs_anchors(positions, count, gof->anchor_step, births->anchors);
+    dfcgs_control_cells(positions, count, gof->center, gof->control.shift, births->cells);
+    for (uint32_t j = 0; j < count; j++) births->order[j] = (int32_t)(gof->count + j);
+    return find_source(arena, gof, births);
 }
 
 /* From the last row on: a survivor never moves down. */
@@ -312,33 +317,22 @@ static dfcgs_status grow(dfcgs_arena *arena, dfcgs_gof *g, uint32_t count) {
     return DFCGS_OK;
 }
 
-static dfcgs_status prepare_births(dfcgs_arena *arena, const dfcgs_gof *g, newcomers *born) {
-    const int32_t *positions = born->state->planes[DFCGS_POSITION];
+/* Binds births to where control points are now. */
+static dfcgs_status bind_births(dfcgs_arena *arena, const dfcgs_gof *g, dfcgs_births *births) {
     const dfcgs_field *field = &g->points.field;
-    uint32_t births = born->state->count;
     int32_t *control;
-    DFCGS_GET(born->anchors, arena, int32_t, 3 * (size_t)births);
-    DFCGS_GET(born->cells, arena, int32_t, 3 * (size_t)births);
-    DFCGS_GET(born->order, arena, int32_t, births);
-    DFCGS_GET(born->bindings, arena, dfcgs_binding, births);
+    DFCGS_GET(births->bindings, arena, dfcgs_binding, births->state.count);
     DFCGS_GET(control, arena, int32_t, 3 * (size_t)field->count);
-    dfcgs_anchors(positions, births, g->anchor_step, born->anchors);
-    dfcgs_control_cells(positions, births, g->center, g->control.shift, born->cells);
     dfcgs_control_cells(field->pivots, field->count, g->center, g->control.shift, control);
-    for (uint32_t j = 0; j < births; j++) born->order[j] = (int32_t)(g->count + j);
-    return dfcgs_gather(arena, born->cells, births, control, field->count, born->bindings);
+    return dfcgs_gather(arena, births->cells, births->state.count, control, field->count, births->bindings);
 }
 
-dfcgs_status dfcgs_insert_births(dfcgs_arena *arena, dfcgs_gof *gof, const dfcgs_state *births, const uint8_t *cover) {
-    newcomers born = {.state = births, .cover = cover};
-    uint32_t survivors = gof->count, count = survivors + births->count, *source;
-    DFCGS_TRY(dfcgs_need_points(arena, gof));
-    DFCGS_TRY(prepare_births(arena, gof, &born));
-    DFCGS_GET(source, arena, uint32_t, count);
-    DFCGS_TRY(find_places(arena, gof, born.cells, births->count, source));
+dfcgs_status dfcgs_insert_births(dfcgs_arena *arena, dfcgs_gof *gof, dfcgs_births *births) {
+    uint32_t survivors = gof->count, count = survivors + births->state.count;
+    DFCGS_TRY(bind_births(arena, gof, births));
     DFCGS_TRY(grow(arena, gof, count));
-    row_arrays list = all_rows(gof, &born);
-    for (int k = 0; k < list.count; k++) spread(&list.arrays[k], source, survivors, count);
+    row_arrays list = all_rows(gof, births);
+    for (int k = 0; k < list.count; k++) spread(&list.arrays[k], births->source, survivors, count);
     gof->count = count;
     gof->points.has_moved = 1;
     forget_blocks(gof);

@@ -59,8 +59,20 @@ dfcgs_status dfcgs_need_points(dfcgs_arena *arena, dfcgs_gof *gof);
 /* 15.2: keeps the Gaussians `kept` [count], which rise. */
 dfcgs_status dfcgs_keep_survivors(dfcgs_arena *arena, dfcgs_gof *gof, const uint32_t *kept, uint32_t count);
 
-/* 15.3, 15.4: puts births in; `cover` [births] theirs. */
-dfcgs_status dfcgs_insert_births(dfcgs_arena *arena, dfcgs_gof *gof, const dfcgs_state *births, const uint8_t *cover);
+/* Births: their state and cover, what they bring with them, and which row of survivors and births stands where: `source`
+   [survivors + births], survivors first in the counting. */
+typedef struct {
+    dfcgs_state state;
+    uint8_t *cover;
+    int32_t *anchors, *cells, *order;
+    uint32_t *source;
+    dfcgs_binding *bindings;
+} dfcgs_births;
+
+/* 15.3, as soon as the births are decoded: all but their bindings. */
+dfcgs_status dfcgs_place_births(dfcgs_arena *arena, dfcgs_gof *gof, dfcgs_births *births);
+/* 15.4: puts them in. */
+dfcgs_status dfcgs_insert_births(dfcgs_arena *arena, dfcgs_gof *gof, dfcgs_births *births);
 
 /* Planes were changed, as bits. */
 DFCGS_INLINE void dfcgs_touch(dfcgs_gof *gof, int planes) {

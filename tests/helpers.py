@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import ChunkType
 from dfcgs_codec.bitstream.container import ContainerReader
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
@@ -30,7 +31,6 @@ ROOT = Path(__file__).resolve().parents[1]
 #: the 24 turns that carry a Gaussian's axes onto its axes
 OCTAHEDRAL = Rotation.create_group("O")
 
-Int64 = npt.NDArray[np.int64]
 _T = TypeVar("_T")
 
 
@@ -136,13 +136,13 @@ def turns(cloud: GaussianCloud) -> Rotation:
     return Rotation.from_quat(cloud.rotations.astype(np.float64)[:, [1, 2, 3, 0]])
 
 
-def covariances(cloud: GaussianCloud) -> npt.NDArray[np.float64]:
+def covariances(cloud: GaussianCloud) -> Float64:
     """Covariance (N, 3, 3) of each Gaussian."""
     axes = turns(cloud).as_matrix() * np.exp(cloud.scales.astype(np.float64))[:, None, :]
     return axes @ axes.transpose(0, 2, 1)
 
 
-def alphas(cloud: GaussianCloud) -> npt.NDArray[np.float64]:
+def alphas(cloud: GaussianCloud) -> Float64:
     """Opacity of each Gaussian, 0 to 1."""
     return 1 / (1 + np.exp(-cloud.opacities.astype(np.float64)))
 
@@ -154,14 +154,12 @@ def match(source: GaussianCloud, decoded: GaussianCloud) -> Int64:
     return index
 
 
-def rotation_degrees(source: GaussianCloud, decoded: GaussianCloud) -> npt.NDArray[np.float64]:
+def rotation_degrees(source: GaussianCloud, decoded: GaussianCloud) -> Float64:
     """Angle between equal indices, the names of the axes being the same."""
     return np.degrees((turns(source).inv() * turns(decoded)).magnitude())
 
 
-def shape_errors(
-    source: GaussianCloud, decoded: GaussianCloud
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def shape_errors(source: GaussianCloud, decoded: GaussianCloud) -> tuple[Float64, Float64]:
     """Angle in degrees (N,) and log-scale error (N, 3), whatever the axes are called."""
     relative = turns(source).inv() * turns(decoded)
     angles = np.stack([(relative * turn.inv()).magnitude() for turn in OCTAHEDRAL])

@@ -57,15 +57,15 @@ from dfcgs_codec.codec.columns.side_information import (
     histogram_models,
 )
 from dfcgs_codec.codec.frame.decoder import SequenceDecoder
-from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
-from dfcgs_codec.codec.intra.verbatim import state_of
+from dfcgs_codec.codec.frame.gof_state import GofState
+from dfcgs_codec.codec.frame.topology import TopologyGoal
+from dfcgs_codec.codec.frame.walk import MotionGoal
 from dfcgs_codec.codec.motion.walk import MotionSymbols
 from dfcgs_codec.codec.residual.classes import BLOCK_LOG2, AttributeActivity, InterSymbols
-from dfcgs_codec.encoder.columns import streams
 from dfcgs_codec.encoder.columns.writer import SymbolWriter
-from dfcgs_codec.encoder.frame import frame_coding
+from dfcgs_codec.encoder.frame import chunk_writer, frame_coding
+from dfcgs_codec.encoder.frame.chunk_writer import FrameWriter
 from dfcgs_codec.encoder.intra.intra_plan import IntraTarget
-from dfcgs_codec.encoder.motion.motion_choice import MotionTrial
 from dfcgs_codec.encoder.paper.latent_coding import LatentCoder
 from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
 from dfcgs_codec.encoder.plan.tuning import MotionMode, RefinementMode
@@ -663,7 +663,7 @@ def _random_control(rng: np.random.Generator) -> ControlHeader:
     return ControlHeader(int(rng.choice([1, 2, 7, 1000])), int(rng.integers(0, 9)))
 
 
-def _random_motion(rng: np.random.Generator, before: GofState) -> MotionTrial | None:
+def _random_motion(rng: np.random.Generator, before: GofState) -> MotionGoal | None:
     if rng.random() < 0.3:
         return None
     motion = before.motion()
@@ -676,12 +676,12 @@ def _random_motion(rng: np.random.Generator, before: GofState) -> MotionTrial | 
     control[:, header.num_columns :] = 0
     follows = rng.random(count) < rng.choice([0.0, 0.5, 1.0])
     symbols = MotionSymbols(control, classify_modes(follows), follows)
-    return MotionTrial(header, symbols, motion.carry(header, symbols, before.frame))
+    return MotionGoal(header, symbols, motion.carry(header, symbols, before.frame))
 
 
 def _random_topology(
     rng: np.random.Generator, before: GofState, attributes: list[Attribute]
-) -> frame_coding.TopologyChange | None:
+) -> TopologyGoal | None:
     if rng.random() < 0.4:
         return None
     count = before.frame.num_gaussians
@@ -695,7 +695,7 @@ def _random_topology(
         births = replace(births, target=replace(births.target, permutation=None))
     total = len(kept) + num_births
     inputs = rng.permutation(total) if rng.random() < 0.4 else None
-    return frame_coding.TopologyChange(kept, count, births, inputs)
+    return frame_coding.topology_goal(kept, count, births, inputs)
 
 
 def _random_task(
@@ -736,18 +736,20 @@ def _random_intra(
     # passes with two quantisers, now and then
     count = int(rng.integers(1, rng.choice([20, 200, 200, 1200])))
     model = registry.context_model(header.model_id)
-    setup = GofSetup(_random_control(rng), header.unit_exponents, model)
+    control, writer = _random_control(rng), FrameWriter(header, model, index)
     if rng.random() < 0.3:
         permutation = rng.permutation(count) if rng.random() < 0.5 else None
-        state = state_of(_cloud(rng, count, header.sh_degree), header.unit_exponents)
-        return frame_coding.code_verbatim_frame(index, state, permutation, setup)
-    return frame_coding.code_intra_frame(
-        index, _random_task(rng, count, attributes, header.unit_exponents), setup
-    )
+        cloud = _cloud(rng, count, header.sh_degree)
+        return frame_coding.coded_verbatim(writer, cloud, permutation, control)
+    task = _random_task(rng, count, attributes, header.unit_exponents)
+    return frame_coding.coded_intra(writer, task, control)
 
 
 def _random_inter(
-    rng: np.random.Generator, index: int, attributes: list[Attribute], before: frame_coding.CodedFrame
+    rng: np.random.Generator,
+    writer: FrameWriter,
+    attributes: list[Attribute],
+    before: frame_coding.CodedFrame,
 ) -> frame_coding.CodedFrame:
     present = attributes if rng.random() < 0.8 else []
     change = _random_topology(rng, before.state, attributes)
@@ -760,8 +762,7 @@ def _random_inter(
     levels = {}
     if rng.random() < 0.6:
         levels = {attribute: int(rng.integers(-500, 500)) for attribute in attributes}
-    coding = frame_coding.ResidualCoding(steps, levels)
-    coded = frame_coding.code_inter_frame(index, symbols, state, coding, trial, change)
+    coded = frame_coding.coded_inter(writer, symbols, before.state, (steps, levels), trial, change)
     for activity in coded.state.history.activity.values():
         np.clip(activity.magnitude, 0, 23, out=activity.magnitude)
     return coded
@@ -783,7 +784,7 @@ def _random_file(rng: np.random.Generator, model: ContextModel) -> bytes:
             coded = _random_intra(rng, index, attributes, header)
             gofs.append([])
         else:
-            coded = _random_inter(rng, index, attributes, coded)
+            coded = _random_inter(rng, FrameWriter(header, model, index), attributes, coded)
         gofs[-1].append(coded.data)
     first = 0
     for chunks in gofs:
@@ -797,7 +798,7 @@ def _random_file(rng: np.random.Generator, model: ContextModel) -> bytes:
 def test_random_choices(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(seed)
     model, models = _random_prior(seed, monkeypatch)
-    monkeypatch.setattr(streams, "SymbolWriter", RandomWriter)
+    monkeypatch.setattr(chunk_writer, "SymbolWriter", RandomWriter)
     monkeypatch.setattr(RandomWriter, "rng", rng)
     _check_file(_random_file(rng, model), models)
 

@@ -35,7 +35,7 @@ from dfcgs_codec.bitstream.constants import (
     Profile,
     Tool,
 )
-from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
+from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, read_lengths
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.codec.frame.decoder import SequenceDecoder
@@ -376,8 +376,22 @@ def _without(data: bytes, chunk_type: int) -> bytes:
     return join_chunks(kept)
 
 
-def _longer(header: IntraHeader) -> IntraHeader:
-    return replace(header, lengths=(*header.lengths[:-1], header.lengths[-1] + 8))
+def _with_spare_words(data: bytes) -> bytes:
+    """The last stream of the I-frame with eight bytes that no symbol needs."""
+    sequence = SequenceHeader.read(ByteReader(split_chunks(data)[0].payload))
+
+    def rewrite(chunk: Chunk) -> Chunk:
+        if chunk.chunk_type != ChunkType.INTRA_FRAME:
+            return chunk
+        reader, writer = ByteReader(chunk.payload), ByteWriter()
+        header = IntraHeader.read(reader, sequence)
+        header.write(writer)
+        *lengths, last = read_lengths(reader, header.streams(sequence.sh_degree)).values()
+        for length in [*lengths, last + 8]:
+            writer.uvarint(length)
+        return replace(chunk, payload=writer.getvalue() + reader.raw(reader.remaining) + bytes(8))
+
+    return _chunks_with(data, rewrite)
 
 
 def _crowded(header: IntraHeader) -> IntraHeader:
@@ -436,7 +450,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
             _with_rotation_step(_finely_turned(), STATE_LIMIT),
             "CorruptBitstream",
         ),
-        "spare_words": (_changed_intra(valid, _longer, bytes(8)), "CorruptBitstream"),
+        "spare_words": (_with_spare_words(valid), "CorruptBitstream"),
         "spare_bytes": (_changed_intra(valid, lambda h: h, bytes(4)), "CorruptBitstream"),
         "coarse_opacity": (_with_units(valid, opacity=-10), "LimitExceeded"),
         "far_origin": (_with_units(valid, origin=(0, MAX_ORIGIN + 1, 0)), "LimitExceeded"),

@@ -54,17 +54,16 @@ from dfcgs_codec.codec.columns.side_information import (
     code_weights,
     histogram_models,
 )
-from dfcgs_codec.codec.frame import gof_decoder
+from dfcgs_codec.codec.frame import chunk_reader
 from dfcgs_codec.codec.frame.decoder import DecodedFrame, SequenceDecoder
-from dfcgs_codec.codec.frame.gof_state import GofSetup
+from dfcgs_codec.codec.frame.walk import MotionGoal
 from dfcgs_codec.codec.intra.turns import ChooseTurns, TurnContexts, Turns, TurnWalk
 from dfcgs_codec.codec.motion.walk import MIXED, MotionSymbols
 from dfcgs_codec.codec.residual.classes import AttributeActivity, InterSymbols
-from dfcgs_codec.encoder.columns import streams
 from dfcgs_codec.encoder.columns.writer import SymbolWriter
-from dfcgs_codec.encoder.frame import frame_coding
+from dfcgs_codec.encoder.frame import chunk_writer, frame_coding
+from dfcgs_codec.encoder.frame.chunk_writer import FrameWriter
 from dfcgs_codec.encoder.intra.intra_plan import IntraTarget
-from dfcgs_codec.encoder.motion.motion_choice import MotionTrial
 from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
 from dfcgs_codec.entropy.coder import Model
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, scale_table
@@ -103,7 +102,6 @@ _CONTROL_SYMBOLS = [[1, -1, 0, 0, 0, 2], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]
 _FOLLOWS = [False, True, False]
 #: the position of the second Gaussian, whose alpha is lower, has coarser steps
 _LEVELS = {attribute: 0 if attribute == Attribute.POSITION else -1000 for attribute in _STEPS}
-_RESIDUAL = frame_coding.ResidualCoding(_STEPS, _LEVELS)
 _GRID = SortGrid(shift=0, bits=2, origin=(-1, 0, 2), has_excess=False)
 _POSITIONS = [[-2, 0, 5], [0, 1, 9], [5, 7, 6]]
 #: in steps; axis 2 of the scales: how thin it is
@@ -217,26 +215,27 @@ def _inter_symbols() -> InterSymbols:
     return InterSymbols(activity)
 
 
-def _motion(intra: frame_coding.CodedFrame) -> MotionTrial:
+def _motion(intra: frame_coding.CodedFrame) -> MotionGoal:
     """The first control point moves, the second Gaussian follows."""
     motion = intra.state.motion()
     follows = np.array(_FOLLOWS)
     symbols = MotionSymbols(np.array(_CONTROL_SYMBOLS, np.int64), np.array([MIXED]), follows)
-    return MotionTrial(_MOTION, symbols, motion.carry(_MOTION, symbols, intra.state.frame))
+    return MotionGoal(_MOTION, symbols, motion.carry(_MOTION, symbols, intra.state.frame))
 
 
 def build() -> bytes:
     """The file."""
     file = io.BytesIO()
-    writer = ContainerWriter(file, _HEADER)
-    writer.chunk(ChunkType.ENCODER_INFO, 0, b"worked example")
-    with mock.patch.object(streams, "SymbolWriter", PlainWriter):
+    container = ContainerWriter(file, _HEADER)
+    container.chunk(ChunkType.ENCODER_INFO, 0, b"worked example")
+    with mock.patch.object(chunk_writer, "SymbolWriter", PlainWriter):
         task = frame_coding.IntraTask(_target(), _GRID)
-        intra = frame_coding.code_intra_frame(0, task, GofSetup(_CONTROL, _HEADER.unit_exponents, _PRIOR))
-        trial = _motion(intra)
-        inter = frame_coding.code_inter_frame(1, _inter_symbols(), intra.state, _RESIDUAL, trial)
-    writer.gof(0, [intra.data, inter.data])
-    writer.finish()
+        intra = frame_coding.coded_intra(FrameWriter(_HEADER, _PRIOR, 0), task, _CONTROL)
+        writer = FrameWriter(_HEADER, _PRIOR, 1)
+        steps = _STEPS, _LEVELS
+        inter = frame_coding.coded_inter(writer, _inter_symbols(), intra.state, steps, _motion(intra))
+    container.gof(0, [intra.data, inter.data])
+    container.finish()
     return file.getvalue()
 
 
@@ -454,7 +453,7 @@ class _TracingReader(SymbolReader):
 def symbols(data: bytes) -> list[str]:
     """Lines of the symbols of some streams: what they say, their number, the size of their model, symbols."""
     _TracingReader.streams.clear()
-    with mock.patch.object(gof_decoder, "SymbolReader", _TracingReader):
+    with mock.patch.object(chunk_reader, "SymbolReader", _TracingReader):
         frames(data)
     names = {
         0: "POSITION, frame 0",

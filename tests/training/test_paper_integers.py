@@ -124,11 +124,16 @@ def test_integers_stand_for_the_float_networks(exported):
 
 def test_coding_with_integers_costs_about_what_the_float_networks_say(exported):
     run, _, arrays = exported
-    expected = gof_figures(run.model, small_gof(0), 1.0)
-    found = gof_figures(IntegerModel(arrays), small_gof(0), 1.0)
-    total = expected["motion_bits"] + expected["hyper_bits"]
-    assert found["motion_bits"] + found["hyper_bits"] == pytest.approx(total, rel=0.03)
-    assert found["reached_ratio"] == pytest.approx(expected["reached_ratio"], rel=0.05)
+    # a single GoF has some 300 bits: rounding alone moves them by a few in a hundred
+    gofs = [small_gof(seed) for seed in range(4)]
+    expected, found = ([gof_figures(m, g, 1.0) for g in gofs] for m in (run.model, IntegerModel(arrays)))
+    assert _bits(found) == pytest.approx(_bits(expected), rel=0.03)
+    for one, other in zip(found, expected, strict=True):
+        assert one["reached_ratio"] == pytest.approx(other["reached_ratio"], rel=0.05)
+
+
+def _bits(figures):
+    return sum(f["motion_bits"] + f["hyper_bits"] for f in figures)
 
 
 def test_the_file_keeps_to_the_format(exported):

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.array_types import AnyArray
 from dfcgs_codec.cli import main
 
-Columns = Mapping[str, npt.NDArray[np.generic]]
+Columns = Mapping[str, AnyArray]
 _TYPE_NAMES = {"f4": "float", "f8": "double", "u1": "uchar", "u4": "uint", "i4": "int"}
 _NUM_REST = (0, 9, 24, 45)
 

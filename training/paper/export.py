@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from dfcgs_codec.array_types import AnyArray, Float64, Int16, Int32
 from dfcgs_codec.entropy.tables import frequencies_from_cdf
 from dfcgs_codec.errors import InputError
 from training.paper.coding import closed_loop, frame_prior
@@ -24,8 +24,7 @@ from training.paper.integers import EXACT, HYPER_REACH, IntegerLayer
 from training.paper.nets import ACTIVATION_LIMIT, GRID_BITS, GRID_LIMIT, LEAKY_SHIFT, PARTS, Net, PaperModel
 from training.paper.train import Run
 
-Arrays = dict[str, npt.NDArray[Any]]
-Int16 = npt.NDArray[np.int16]
+Arrays = dict[str, AnyArray]
 #: hidden activations seen on training data are at most 1 / this of their limit
 HEAD_ROOM = 2.0
 NUM_CALIBRATION_GOFS = 24
@@ -72,7 +71,7 @@ def _fraction_bits(largest: float, limit: int, most: int) -> int:
     return min(most, math.floor(math.log2(limit / max(largest, 2.0**-40))))
 
 
-def _integer_weight(weight: npt.NDArray[np.float64], limit: int, least: int) -> tuple[Int16, int]:
+def _integer_weight(weight: Float64, limit: int, least: int) -> tuple[Int16, int]:
     """Weights within `limit` and their fraction bits, at least `least`: by zeros at the end of each."""
     bits = _fraction_bits(float(np.abs(weight).max()), limit, _MAX_WEIGHT_FRACTION)
     missing = max(0, least - bits)
@@ -113,7 +112,7 @@ def _check_sums(name: str, net: Net, layers: list[IntegerLayer]) -> None:
     assert tuple(len(layer.bias) for layer in layers) == net.shape.widths[1:]
 
 
-def hyper_frequencies(model: FactorisedModel) -> npt.NDArray[np.int32]:
+def hyper_frequencies(model: FactorisedModel) -> Int32:
     """(16, 63): of z from -31 to 31, all beyond in the ends; each row sums to 2**24."""
     edges = torch.arange(-HYPER_REACH, HYPER_REACH, dtype=torch.float64) + 0.5
     with torch.no_grad():

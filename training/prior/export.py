@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64, Integers, UInt8
 from dfcgs_codec.model.context_model import (
     ACTIVATION_LIMIT,
     INPUT_LIMIT,
@@ -26,8 +26,7 @@ from training.prior.nets import (
     ClassNet,
 )
 
-Arrays = dict[str, npt.NDArray[np.integer]]
-Float64 = npt.NDArray[np.float64]
+Arrays = dict[str, Integers]
 _EXACT = 1 << 24
 _LARGEST_WEIGHT = (1 << 15) - 1
 _MAX_SHIFT = 23
@@ -68,7 +67,7 @@ def network_arrays(net: ClassNet, name: str) -> Arrays:
     return arrays
 
 
-def integer_classes(arrays: Arrays, name: str, inputs: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
+def integer_classes(arrays: Arrays, name: str, inputs: UInt8) -> Int64:
     """Classes (rows,) by the runtime's network."""
     classes = NUM_FLAG_CLASSES if name == "flags" else NUM_CLASSES
     network = ClassNetwork.of(arrays, name, (inputs.shape[1], 0), classes)

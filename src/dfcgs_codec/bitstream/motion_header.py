@@ -14,7 +14,11 @@ from dfcgs_codec.bitstream.constants import (
 )
 from dfcgs_codec.bitstream.fields import read_bounded
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
+from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.errors import CorruptBitstream, LimitExceeded
+
+#: what the streams of a MOTION chunk hold: who follows, and how control points move
+FOLLOWERS, CONTROL_POINTS = "FOLLOWERS", "CONTROL_POINTS"
 
 
 @dataclass(frozen=True)
@@ -67,13 +71,17 @@ class MotionHeader:
         """Symbols of a control point."""
         return 6 if self.is_rigid else 3
 
+    def streams(self, sh_degree: int) -> list[str]:
+        """What its streams hold, in their order."""
+        return [FOLLOWERS, CONTROL_POINTS]
+
     def write(self, writer: ByteWriter) -> None:
         """Both fields."""
         writer.uvarint(self.translation_step)
         writer.uvarint(self.turn_step)
 
     @staticmethod
-    def read(reader: ByteReader) -> MotionHeader:
+    def read(reader: ByteReader, sequence: SequenceHeader) -> MotionHeader:
         """Refuses steps beyond their grids, and a translation step of 0."""
         offset = reader.offset
         translation = read_bounded(reader.uvarint, STATE_LIMIT, "translation_step", reader)
@@ -101,8 +109,11 @@ class LatentHeader:
         writer.svarint(self.step_log2)
         self.spread.write(writer)
 
+    def streams(self, sh_degree: int) -> None:
+        """One stream fills the rest."""
+
     @staticmethod
-    def read(reader: ByteReader) -> LatentHeader:
+    def read(reader: ByteReader, sequence: SequenceHeader) -> LatentHeader:
         """Refuses steps out of range."""
         count = reader.uvarint()
         offset = reader.offset
@@ -110,3 +121,19 @@ class LatentHeader:
         if not MIN_LATENT_STEP_LOG2 <= step_log2 <= MAX_LATENT_STEP_LOG2:
             raise LimitExceeded(f"latent_step_log2 is {step_log2}", offset=offset)
         return LatentHeader(count, step_log2, SpreadHeader.read(reader))
+
+
+@dataclass(frozen=True)
+class HyperHeader:
+    """A HYPERPRIOR chunk has no fields: one stream fills it."""
+
+    def streams(self, sh_degree: int) -> None:
+        """One stream fills the chunk."""
+
+    def write(self, writer: ByteWriter) -> None:
+        """Nothing."""
+
+    @staticmethod
+    def read(reader: ByteReader, sequence: SequenceHeader) -> HyperHeader:
+        """Nothing."""
+        return HyperHeader()

@@ -25,7 +25,6 @@ def _left_out(names: list[str], what: str, why: str) -> list[str]:
 
 
 def _nothing(folder: Path, pattern: str, listing: Listing, names: list[str]) -> InputError:
-    """Why no file matches, and what to do."""
     known = first_described(names) if pattern == DEFAULT_PATTERN else None
     below = [] if pattern == DEFAULT_PATTERN else walk(folder, most=_LOOKED_INTO).names
     if known:

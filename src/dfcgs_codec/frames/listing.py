@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.frames.suggestions import ending_of_any_case
+from dfcgs_codec.frames.refusals import ending_of_any_case
 
 _MAGIC = re.compile(r"[*?\[]")
 _KINDS = {

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Integers
 from dfcgs_codec.model.layers import Layer, LayerError, Network
 
-Arrays = Mapping[str, npt.NDArray[np.integer]]
+Arrays = Mapping[str, Integers]
 
 
 def digest_of(arrays: Arrays) -> bytes:
@@ -26,7 +26,7 @@ def digest_of(arrays: Arrays) -> bytes:
     return digest.digest()
 
 
-def read_arrays(path: Path) -> dict[str, npt.NDArray[np.integer]]:
+def read_arrays(path: Path) -> dict[str, Integers]:
     """The arrays of a file; nothing in it is executed."""
     with np.load(path, allow_pickle=False) as archive:
         return {name: archive[name] for name in archive.files}

@@ -8,12 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS
 from dfcgs_codec.core import procedures
-
-Int64 = npt.NDArray[np.int64]
 
 #: cells lie within +- this
 CELL_LIMIT = 1 << 20
@@ -111,7 +109,6 @@ def _squared(cells: Int64, control: Int64, ranks: Int64) -> Int64:
 
 
 def _sorted(ranks: Int64, squared: Int64) -> tuple[Int64, Int64]:
-    """Rows by distance, ties by rank."""
     order = np.lexsort((ranks, squared), axis=1)
     return np.take_along_axis(ranks, order, 1), np.take_along_axis(squared, order, 1)
 

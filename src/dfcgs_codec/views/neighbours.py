@@ -12,10 +12,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
+from dfcgs_codec.array_types import Float64, Int64
 
 #: cameras nearer than this share of the radius are one
 SAME = 1e-6

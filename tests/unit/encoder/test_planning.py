@@ -13,8 +13,9 @@ from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_s
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.encoder.images.patches import patches_nearby, patches_of_views
 from dfcgs_codec.encoder.images.splats import Splats
+from dfcgs_codec.encoder.plan.estimator import _better_qp, aimed_at
 from dfcgs_codec.encoder.plan.plan import SequencePlan
-from dfcgs_codec.encoder.plan.planning import _better_qp, aimed_at, plan_sequence
+from dfcgs_codec.encoder.plan.planning import plan_sequence
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.views.camera import ViewCamera, Views

@@ -7,9 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from dfcgs_codec.array_types import Int64, UInt8
 from dfcgs_codec.bitstream.motion_header import MotionHeader
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
-from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, UInt8, log_of, row_sums
+from dfcgs_codec.codec.columns.coder import SymbolCoder
+from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, log_of, row_sums
 from dfcgs_codec.codec.columns.prior_column import LAST_INPUT, Component, others_of
 from dfcgs_codec.codec.motion.field import MotionField, level_starts
 from dfcgs_codec.codec.residual.inputs import EFFORT_SHIFT, SMALL

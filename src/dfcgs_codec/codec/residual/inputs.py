@@ -8,16 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64, UInt8
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.codec.columns.magnitudes import PRESENT, log_of
 from dfcgs_codec.codec.motion.followers import BLEND, Binding
 from dfcgs_codec.model.context_model import INPUT_LIMIT
-
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
-Bool = npt.NDArray[np.bool_]
 
 #: steps of small numbers: densities, columns left
 SMALL = 16

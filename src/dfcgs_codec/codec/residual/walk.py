@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64, UInt8
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
-from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, UInt8, row_sums
+from dfcgs_codec.codec.columns.coder import SymbolCoder
+from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, row_sums
 from dfcgs_codec.codec.columns.prior_column import LAST_INPUT, MEAN_BITS, Component, others_of, rows_of_passes
 from dfcgs_codec.codec.residual.classes import (
     BLOCK_LOG2,
@@ -43,8 +43,6 @@ from dfcgs_codec.model.context_model import (
     Part,
 )
 from dfcgs_codec.transform.lod import GofLevels, LevelsOfDetail
-
-Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)

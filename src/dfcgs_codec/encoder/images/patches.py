@@ -10,15 +10,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Float64, Int64
 from dfcgs_codec.encoder.images.projection import LEAST_ALPHA, MOST_ALPHA, project
 from dfcgs_codec.encoder.images.splats import Splats, extent, harmonics, turned
 from dfcgs_codec.views.camera import LARGEST, ViewCamera
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 #: patches that are looked at
 PATCHES = 96
@@ -164,7 +160,6 @@ class Surroundings:
 
     @cached_property
     def _columns(self) -> Float64:
-        """Positions (3, N), coordinate by coordinate."""
         return np.ascontiguousarray(self.positions.T)
 
     @staticmethod

@@ -10,14 +10,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.encoder.images.patches import Drawing, Patch
 from dfcgs_codec.encoder.images.splats import Splats
-
-Float32 = npt.NDArray[np.float32]
-Int64 = npt.NDArray[np.int64]
 
 #: of those who swap places in depth there are too few in a few pixels: they are counted where so many times
 #: as many do

@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64, UInt8
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import IntraSteps, SortGrid
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
@@ -26,9 +26,6 @@ from dfcgs_codec.encoder.residual.quantise import Planes, ZeroBin, order_of, pla
 from dfcgs_codec.transform.companding import compress_thinness, thin_octaves
 from dfcgs_codec.transform.rotation import round_divide
 from dfcgs_codec.transform.trellis import takes_turns
-
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
 
 #: share of the Gaussians whose steps are coarser than given
 _RANK = 0.9
