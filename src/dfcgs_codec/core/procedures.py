@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from dfcgs_codec.array_types import Int32, Int64
+from dfcgs_codec.array_types import AnyArray, Int16, Int32, Int64
 from dfcgs_codec.core.engine import wants_core
 from dfcgs_codec.core.module import MOST_MEMORY, Instance
 
@@ -31,7 +30,7 @@ class _Result:
         return np.dtype(self.dtype).itemsize * int(np.prod(self.shape))
 
 
-_Argument = npt.NDArray[np.int32] | _Result | int
+_Argument = Int32 | _Result | int
 
 
 def is_worth(count: int) -> bool:
@@ -53,7 +52,7 @@ def _size(argument: _Argument) -> int:
     )
 
 
-def _run(name: str, *arguments: _Argument) -> list[npt.NDArray[Any]]:
+def _run(name: str, *arguments: _Argument) -> list[AnyArray]:
     """The results of a procedure that takes an arena, then `arguments`; each call has a memory of its own."""
     instance = Instance()
     place = arena = instance.grow(_ALIGNMENT + sum(_aligned(_size(argument)) for argument in arguments))
@@ -94,7 +93,7 @@ def gather(cells: Int64, control: Int64) -> tuple[Int64, Int64]:
     return ranks, weights
 
 
-def distance_weights(positions: Int64) -> npt.NDArray[np.int16]:
+def distance_weights(positions: Int64) -> Int16:
     """Weights (N, 8) of the neighbours of all rows: the base, which has none, then levels, coarse to fine."""
     (weights,) = _run(
         "distance_weights", _narrow(positions), len(positions), _Result("<i2", (len(positions), 8))

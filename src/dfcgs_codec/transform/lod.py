@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from dfcgs_codec.array_types import Int32, Int64, Integers
+from dfcgs_codec.array_types import Int16, Int32, Int64, Integers
 from dfcgs_codec.core import procedures
 
 NUM_NEIGHBOURS = 8
@@ -124,7 +124,7 @@ def build_levels(positions: Int64) -> LevelsOfDetail:
     return LevelsOfDetail(slice(0, None, 1 << count), levels)
 
 
-def _known_weights(weights: Integers, first: int, step: int) -> Int32:
+def _known_weights(weights: Int16, first: int, step: int) -> Int32:
     """Those of one level among `weights` (N, 8), where levels lie behind all rows that predict them."""
     count = len(weights)
     start, rows = len(range(0, count, step)), len(range(first, count, step))
