@@ -1,16 +1,25 @@
-"""The chunks of a file and their streams, from headers alone: nothing is entropy decoded."""
+"""The chunks of a file and their streams, and what it asks of its decoder, from headers alone."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 from dfcgs_codec.bitstream.constants import ChunkType, Profile
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
-from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, ResidualHeader, read_lengths
+from dfcgs_codec.bitstream.frame_headers import (
+    InterHeader,
+    IntraHeader,
+    ResidualHeader,
+    coded_attributes,
+    read_lengths,
+)
 from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.frame.chunks import ChunkHeader
+from dfcgs_codec.codec.frame.limits import Budget, DecoderLimits
+from dfcgs_codec.errors import ResourceLimit
 
 #: longer than the header of any chunk with the lengths of its streams
 HEADER_BYTES = 512
@@ -48,3 +57,17 @@ def listed_chunks(container: ContainerReader) -> Iterator[ListedChunk]:
             header = residual
         names = None if header is None else header.streams(sequence.sh_degree)
         yield ListedChunk(head, header, read_lengths(reader, names or []), count)
+
+
+def beyond_default_limits(path: Path) -> ResourceLimit | None:
+    """How decoders refuse the whole file at `path` by default; None where they take it."""
+    with path.open("rb") as file:
+        container = ContainerReader(file)
+        budget = Budget(DecoderLimits(), coded_attributes(container.sequence.sh_degree))
+        try:
+            for head, header, *_ in listed_chunks(container):
+                budget.read(head.end - head.offset)
+                budget.chunk(head.frame_index, header)
+        except ResourceLimit as refusal:
+            return refusal
+    return None
