@@ -39,6 +39,9 @@ static dfcgs_status check_crc(dfcgs_reader *r, const dfcgs_chunk *chunk) {
     size_t size = (size_t)chunk->size - CRC_BYTES;
     const uint8_t *bytes = r->data + chunk->offset, *crc = bytes + size;
     uint32_t said = crc[0] | (uint32_t)crc[1] << 8 | (uint32_t)crc[2] << 16 | (uint32_t)crc[3] << 24;
+#if defined(DFCGS_ANY_CHECKSUM) /* for who breaks files */
+    return DFCGS_OK;
+#endif
     if (dfcgs_crc32(bytes, size) == said) return DFCGS_OK;
     return dfcgs_corrupt(r->error, chunk->offset, "wrong checksum: the file is damaged here");
 }

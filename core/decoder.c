@@ -336,9 +336,8 @@ static dfcgs_status read_attribute(dfcgs_decoder *d, dfcgs_stream *s, residual *
     dfcgs_gof *gof = &d->gof;
     dfcgs_activity *activity = &gof->activity[attribute];
     dfcgs_known *known = &all->context.known;
-    uint8_t *sizes, *before;
+    uint8_t *before;
     int columns = dfcgs_inter_columns(attribute);
-    DFCGS_GET(sizes, &d->arena, uint8_t, gof->count);
     size_t mark = d->arena.used;
     DFCGS_GET(before, &d->arena, uint8_t, gof->count);
     if (!(gof->history >> attribute & 1)) dfcgs_clear_activity(gof, attribute);
@@ -353,10 +352,6 @@ static dfcgs_status read_attribute(dfcgs_decoder *d, dfcgs_stream *s, residual *
     known->memory = activity->memory;
     known->density_before = activity->density;
     DFCGS_TRY(dfcgs_inter_attribute(s, &all->context, activity));
-    if (attribute < DFCGS_NUM_NOW) {
-        dfcgs_log_sizes(activity->symbols, gof->count, columns, sizes);
-        known->now[attribute] = sizes;
-    }
     all->context.beside = activity->density;
     d->arena.used = mark;
     return DFCGS_OK;

@@ -4,7 +4,7 @@
 
 enum { PRESENT_SHARE = 256, SYMBOL_WEIGHT = 256, MEMORY_WEIGHT = 16, SMALL = 16, MAX_KINDS = 4, MAX_COLUMNS = 21 };
 
-/* The stream of an attribute under way: `rows` are those of blocks with symbols, `inputs` [num_rows][25] theirs. */
+/* The stream of an attribute under way: `rows` are those of blocks with symbols, `inputs` [num_rows][20] theirs. */
 typedef struct {
     dfcgs_stream *s;
     const dfcgs_inter_context *context;

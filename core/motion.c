@@ -12,9 +12,7 @@ enum {
     BLEND_ADVANTAGE = 16,
     MAX_EFFORT_CLASS = 64,
     MEMORY_BITS = 4,
-    EFFORT_SHIFT = 4,
-    LEVEL_INPUT = 16,
-    PRESENT = 64
+    EFFORT_SHIFT = 4
 };
 enum { INPUT_LIMIT = 255 };
 
@@ -247,8 +245,8 @@ static void effort_inputs(const dfcgs_binding *binding, uint8_t *x) {
         low = effort < low ? effort : low;
         high = effort > high ? effort : high;
     }
-    x[3] = limited(binding->effort[binding->choice] >> EFFORT_SHIFT);
-    x[4] = limited(high - low);
+    x[2] = limited(binding->effort[binding->choice] >> EFFORT_SHIFT);
+    x[3] = limited(high - low);
 }
 
 static int64_t expect(const int64_t *habits, int step, int64_t *changes) {
@@ -260,31 +258,18 @@ static int64_t expect(const int64_t *habits, int step, int64_t *changes) {
     return size;
 }
 
-static void inputs_of_level(const dfcgs_field *field, uint32_t start, uint32_t end, int level,
-                            uint8_t *inputs) {
-    for (uint32_t k = start; k < end; k++) {
-        uint8_t *x = inputs + DFCGS_NUM_CONTROL_INPUTS * (size_t)k;
-        x[0] = (uint8_t)(level * LEVEL_INPUT);
-        x[3] = x[4] = 0;
-        if (level > 0) effort_inputs(field->bindings + k, x);
-        x[5] = end == field->count ? PRESENT : 0;
-    }
-}
-
 void dfcgs_control_inputs(const dfcgs_field *field, const int32_t *before, int translation_step,
                           int turn_step, uint8_t *inputs, int64_t *expected_changes) {
-    int level = 0;
-    for (uint32_t start = 0, end; start < field->count; start = end, level++) {
-        end = dfcgs_level_end(start, field->count);
-        inputs_of_level(field, start, end, level, inputs);
-    }
     for (uint32_t k = 0; k < field->count;
          k++, inputs += DFCGS_NUM_CONTROL_INPUTS, expected_changes += 6, before += 6) {
         int64_t size = 0;
         for (int c = 0; c < DFCGS_MOTION_COLUMNS; c++) size += dfcgs_abs(before[c]);
-        inputs[1] = dfcgs_log((uint64_t)size);
+        inputs[0] = dfcgs_log((uint64_t)size);
         size = expect(field->translation_habits + 3 * (size_t)k, translation_step, expected_changes);
         size += expect(field->turn_habits + 3 * (size_t)k, turn_step, expected_changes + 3);
-        inputs[2] = dfcgs_log((uint64_t)size);
+        inputs[1] = dfcgs_log((uint64_t)size);
+        inputs[2] = inputs[3] = 0;
+        /* the first level has no parents */
+        if (k >= dfcgs_level_end(0, field->count)) effort_inputs(field->bindings + k, inputs);
     }
 }

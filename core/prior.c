@@ -80,9 +80,8 @@ static void inputs_of_row(const dfcgs_known *known, uint32_t row, int sort, uint
     x[9] = limited(present(known->density_before, block, SMALL));
     x[10] = limited(present(known->density, block, SMALL));
     x[11] = limited(present(known->magnitude, block, 4));
-    for (int a = 0; a < DFCGS_NUM_NOW; a++) x[12 + a] = (uint8_t)present(known->now[a], row, 1);
-    for (int a = 0; a < DFCGS_NUM_EARLIER; a++) x[17 + a] = (uint8_t)present(known->earlier[a], row, 1);
-    for (int s = 0; s < 6; s++) x[19 + s] = s == sort ? PRESENT : 0;
+    for (int a = 0; a < DFCGS_NUM_EARLIER; a++) x[12 + a] = (uint8_t)present(known->earlier[a], row, 1);
+    for (int s = 0; s < DFCGS_NUM_SORTS; s++) x[14 + s] = s == sort ? PRESENT : 0;
 }
 
 void dfcgs_common_inputs(const dfcgs_known *known, const uint32_t *rows, uint32_t count, uint8_t *inputs) {

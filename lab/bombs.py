@@ -23,7 +23,7 @@ from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.codec.frame.decoder import SequenceDecoder
-from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.frame.limits import UNLIMITED
 from dfcgs_codec.codec.frame.topology import TopologyGoal
 from dfcgs_codec.codec.frame.walk import MotionGoal
@@ -133,8 +133,8 @@ class Crafted:
         self._model = context_model(self._sequence.model_id)
         header = IntraHeader.read(ByteReader(self._intra.payload), self._sequence)
         (frame,) = SequenceDecoder(BytesIO(base), limits=UNLIMITED).frames()
-        setup = GofSetup(header.control, self._sequence.unit_exponents, self._model)
-        self._state = GofState.of_intra(frame.state.on_grid(), setup, header.steps)
+        units, on_grid = self._sequence.unit_exponents, frame.state.on_grid()
+        self._state = GofState.of_intra(on_grid, header.control, header.steps, units, self._model)
         self._frames: list[FrameWriter] = []
         self._attributes = coded_attributes(self._sequence.sh_degree)
 

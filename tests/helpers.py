@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 from plyfile import PlyData, PlyElement
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -26,12 +28,25 @@ from dfcgs_codec.codec.frame.decoder import DecodedFrame
 from dfcgs_codec.encoder.columns.writer import SymbolWriter
 from dfcgs_codec.encoder.frame.report import EncodeReport
 from dfcgs_codec.ply import property_names
+from tests.troubles.situations import run
 
 ROOT = Path(__file__).resolve().parents[1]
 #: the 24 turns that carry a Gaussian's axes onto its axes
 OCTAHEDRAL = Rotation.create_group("O")
 
+#: a medium quality, or nearly so, without the search for it
+QUICK = EncoderOptions(qp=27)
+
 _T = TypeVar("_T")
+
+
+def taking_turns(first: Sequence[Any], second: Sequence[Any]) -> list[Any]:
+    """All pairs for `parametrize`; each of `first` with one of `second` in turn, the others are slow."""
+    return [
+        pytest.param(a, b, marks=() if turn == place % len(second) else pytest.mark.slow)
+        for place, a in enumerate(first)
+        for turn, b in enumerate(second)
+    ]
 
 
 # --- encode and decode --------------------------------------------------------------------------------
@@ -41,7 +56,7 @@ def encode(
     frames: Sequence[GaussianCloud] | Path, path: Path, options: EncoderOptions | None = None
 ) -> EncodeReport:
     """Encode to `path`, whatever was there."""
-    return encode_sequence(frames, path, options, force=True)
+    return encode_sequence(frames, path, options or QUICK, force=True)
 
 
 def decode(path: Path, start: int = 0, stop: int | None = None) -> list[DecodedFrame]:
@@ -185,5 +200,15 @@ def run_python(*arguments: str, **environment: str) -> subprocess.CompletedProce
 
 
 def dfcgs(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """`dfcgs` in this process, which takes no longer than the work itself.
+
+    A warning of numpy's, which a user would read, is an error.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        return subprocess.CompletedProcess(arguments, *run(*arguments))
+
+
+def dfcgs_process(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """`dfcgs` in a fresh process."""
     return run_python("-m", "dfcgs_codec", *map(str, arguments))

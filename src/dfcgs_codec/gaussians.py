@@ -95,16 +95,12 @@ class GaussianCloud:
 
     def as_float32(self) -> GaussianCloud:
         """The same, every array rounded to float32."""
-        arrays = (self.positions, self.rotations, self.scales, self.opacities, self.sh_dc, self.sh_rest)
-        return GaussianCloud(*(array.astype(np.float32, copy=False) for array in arrays))
+        return GaussianCloud(*(array.astype(np.float32, copy=False) for array in self._arrays))
 
     def take(self, index: Int64) -> GaussianCloud:
         """The Gaussians `index`, in that order."""
-        return GaussianCloud(
-            self.positions[index],
-            self.rotations[index],
-            self.scales[index],
-            self.opacities[index],
-            self.sh_dc[index],
-            self.sh_rest[index],
-        )
+        return GaussianCloud(*(array[index] for array in self._arrays))
+
+    @property
+    def _arrays(self) -> list[Floats]:
+        return [getattr(self, field.name) for field in fields(self)]

@@ -1,4 +1,4 @@
-"""The C core decodes what numpy decodes, to the same bits, and refuses what it refuses, for the same reason."""
+"""The C core decodes what numpy decodes, bit by bit, and refuses what it refuses for the same reason."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import json
 import random
 import shutil
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +19,8 @@ from dfcgs_codec.codec.frame.decoder import SequenceDecoder
 from dfcgs_codec.codec.frame.salvage import salvage
 from dfcgs_codec.core import engine
 from dfcgs_codec.core.module import MODULE
-from dfcgs_codec.model.core_words import words_of
 from dfcgs_codec.model import registry
+from dfcgs_codec.model.core_words import words_of
 from tests.context_models import random_prior
 from tests.helpers import ROOT
 from tools.build_core import build
@@ -156,14 +155,14 @@ def test_the_module_is_small() -> None:
 
 
 @pytest.fixture
-def words(tmp_path: Path) -> Iterator[tuple[Path, str]]:
+def words(tmp_path: Path) -> tuple[Path, str]:
     """The default prior as a file of words, and its hash."""
     model = registry.context_model(registry.DEFAULT_PRIOR)
     data = words_of(model)
     assert data is not None
     path = tmp_path / "words"
     path.write_bytes(data)
-    yield path, model.digest[:8].hex()
+    return path, model.digest[:8].hex()
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")

@@ -99,5 +99,6 @@ def run(*arguments: str | Path) -> Outcome:
 
 
 def encode(frames: Path, target: Path, *options: str) -> Outcome:
-    """`dfcgs encode` in one process."""
-    return run("encode", frames, target, "--jobs", "1", *options)
+    """`dfcgs encode` in one process; unless a quality is asked for, none is searched for."""
+    qp = () if {"--quality", "--psnr", "--qp"} & set(options) else ("--qp", "27")
+    return run("encode", frames, target, "--jobs", "1", *qp, *options)

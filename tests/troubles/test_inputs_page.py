@@ -147,7 +147,8 @@ def run_line(line: str) -> None:
     """A command of the page: `dfcgs`, or one of the two others that it has."""
     command, *arguments = shlex.split(line)
     if command == "dfcgs":
-        done = run(*arguments, *(["--jobs", "1"] if arguments[0] == "encode" else []))
+        # in one process, and at a QP: no quality is searched for
+        done = run(*arguments, *(["--jobs", "1", "--qp", "27"] if arguments[0] == "encode" else []))
         assert done.code == 0, done.err
     elif command == "mkdir":
         assert arguments[0] == "-p"

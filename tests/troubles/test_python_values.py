@@ -32,7 +32,7 @@ from lab.small_clouds import FIELDS, drifting, make_cloud
 from tests.helpers import write_frames
 
 FRAMES = drifting(make_cloud(30, 1), 3)
-QUICK = encoder_options(motion="off", balance=False)
+QUICK = encoder_options(qp=27, motion="off", balance=False)
 RATE = "a frame rate such as 30, 29.97"
 
 
@@ -150,8 +150,9 @@ def test_jobs_of_none_are_all_cores() -> None:
 
 
 def test_options_given_in_words_code_the_same(tmp_path: Path) -> None:
-    words = encoder_options(order="input", motion="off", frame_rate="29.97", bounds={"sh": 0.1})
+    words = encoder_options(qp=27, order="input", motion="off", frame_rate="29.97", bounds={"sh": 0.1})
     members = encoder_options(
+        qp=27,
         order=OutputOrder.INPUT,
         motion=MotionMode.OFF,
         frame_rate=Fraction(2997, 100),

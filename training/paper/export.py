@@ -1,8 +1,7 @@
-"""Float networks -> the two files of an integer model: `<id>.npz` and `<id>.json`."""
+"""Float networks -> the two files of an integer model: `<id>.weights` and `<id>.json`."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import os
@@ -17,6 +16,7 @@ from torch import Tensor
 from dfcgs_codec.array_types import AnyArray, Float64, Int16, Int32
 from dfcgs_codec.entropy.tables import frequencies_from_cdf
 from dfcgs_codec.errors import InputError
+from dfcgs_codec.model.weights_file import ENDING, digest_of, file_of
 from training.paper.coding import closed_loop, frame_prior
 from training.paper.data import Data
 from training.paper.factorised import FactorisedModel
@@ -144,18 +144,6 @@ def integer_arrays(
     return arrays
 
 
-def digest(arrays: Arrays) -> str:
-    """SHA-256 over names, types, shapes and bytes of the arrays, by name, little-endian."""
-    total = hashlib.sha256()
-    for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
-        array = array.astype(array.dtype.newbyteorder("<"), copy=False)
-        kind = array.dtype.str
-        total.update(name.encode() + b"\0" + kind.encode() + b"\0" + repr(array.shape).encode() + b"\0")
-        total.update(array.tobytes())
-    return total.hexdigest()
-
-
 def _networks(model: PaperModel, arrays: Arrays) -> dict[str, Any]:
     found = {}
     for name, net in model.nets.items():
@@ -178,11 +166,11 @@ def _commit() -> str:
 def export_run(
     run: Run, data: Data, target: Path, bits: tuple[int, int] = FULL_BITS, part: str = "all"
 ) -> Path:
-    """Write `target`.npz and `target`.json; the path of the first."""
+    """Write `target`.weights and `target`.json; the path of the first."""
     arrays = integer_arrays(run.model, data, bits, part)
     about = {
         "model_id": target.name,
-        "sha256": digest(arrays),
+        "sha256": digest_of(arrays).hex(),
         "nets": _networks(run.model, arrays),
         "bits": {"weights": bits[0], "activations": bits[1], "of": part},
         "training": {
@@ -197,13 +185,10 @@ def export_run(
         },
     }
     target.parent.mkdir(parents=True, exist_ok=True)
-    weights, description = (target.with_name(f"{target.name}.{end}") for end in ("npz", "json"))
-    for path in (weights, description):
+    weights, description = (target.with_name(target.name + ending) for ending in (ENDING, ".json"))
+    text = json.dumps(about, indent=1) + "\n"
+    for path, data in ((weights, file_of(arrays)), (description, text.encode())):
         partial = path.with_name(path.name + ".tmp")
-        with partial.open("wb") as file:
-            if path is weights:
-                np.savez(file, **arrays)
-            else:
-                file.write(json.dumps(about, indent=1).encode() + b"\n")
+        partial.write_bytes(data)
         os.replace(partial, path)
     return weights

@@ -16,7 +16,7 @@ from dfcgs_codec.model.context_model import (
     NUM_FLAG_CLASSES,
     ClassNetwork,
 )
-from dfcgs_codec.model.weights_file import digest_of
+from dfcgs_codec.model.weights_file import ENDING, digest_of, write_arrays
 from training.prior.nets import (
     CLASSES_PER_LOGIT,
     CLASSES_PER_OCTAVE,
@@ -75,10 +75,10 @@ def integer_classes(arrays: Arrays, name: str, inputs: UInt8) -> Int64:
 
 
 def write_model(arrays: Arrays, target: Path, about: dict[str, Any]) -> Path:
-    """Write `target`.npz and `target`.json; the path of the first."""
+    """Write `target`.weights and `target`.json; the path of the first."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    path = target.with_suffix(".npz")
-    np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
+    path = target.with_suffix(ENDING)
+    write_arrays(path, arrays)
     found = {"model_id": target.name, "sha256": digest_of(arrays).hex(), **about}
     shapes = {name: list(array.shape) for name, array in sorted(arrays.items())}
     target.with_suffix(".json").write_text(json.dumps(found | {"shapes": shapes}, indent=1) + "\n")

@@ -29,9 +29,7 @@ class Config:
     steps: int = 6000
     rate: float = 1e-2
     seed: int = 1
-    hidden: dict[str, tuple[int, ...]] = field(
-        default_factory=lambda: {"flags": (16, 16), "columns": (16, 16), "control": (16, 16)}
-    )
+    hidden: dict[str, tuple[int, ...]] = field(default_factory=lambda: dict.fromkeys(PARTS, (8, 8)))
     masked: dict[str, tuple[int, ...]] = field(default_factory=dict)
     #: whether a symbol's kind and the fraction of its prediction choose the table, too
     kinds: bool = True

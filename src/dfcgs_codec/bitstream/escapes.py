@@ -1,4 +1,4 @@
-"""Values that the grids of a sequence do not hold, exactly as they are (spec section 6.6)."""
+"""Values that the grids of a sequence do not hold, exactly as they are (spec section 6.5)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Header of a MOTION chunk, `write` beside `read` (spec sections 6.3, 6.5)."""
+"""Header of a MOTION chunk, `write` beside `read` (spec section 6.3, spec annex B.2)."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class MotionHeader:
 class LatentHeader:
     """How latents of `num_coded` control points are quantised, by 2**`step_log2`, and motion is spread.
 
-    MOTION chunk of profile PAPER (spec section 6.5).
+    MOTION chunk of profile PAPER (spec annex B.2).
     """
 
     num_coded: int

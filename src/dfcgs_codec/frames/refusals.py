@@ -6,7 +6,7 @@ import fnmatch
 import glob
 import re
 import shlex
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
 from dfcgs_codec.errors import InputError
@@ -82,6 +82,11 @@ def order_by_for(names: list[Name], column: Column) -> str | None:
 
 #: names that are listed in a message
 _LISTED = 3
+
+
+def counted(names: Sequence[object], what: str = "file") -> str:
+    """How many there are: "1 file", "2 files"."""
+    return f"1 {what}" if len(names) == 1 else f"{len(names)} {what}s"
 
 
 def some(names: list[str]) -> str:

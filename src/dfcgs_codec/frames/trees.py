@@ -9,7 +9,7 @@ from pathlib import Path
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.frames.listing import check_is_file, entries
 from dfcgs_codec.frames.names import ITERATION, Name, groups, parse
-from dfcgs_codec.frames.refusals import glob_for, some
+from dfcgs_codec.frames.refusals import counted, glob_for, some
 
 #: the folder of Gaussians that 3DGStream and 4DGC add to one frame
 _ADDED = "added"
@@ -217,8 +217,8 @@ def find(folder: Path) -> Chosen | None:
     if len(kinds) > 1:
         raise _refuse_kinds(folder, kinds)
     pattern = glob_for(kinds[0]) or found.names[0]
-    files = "1 file" if len(found.names) == 1 else f"{len(found.names)} files"
-    notes = [f"no PLY in {folder} itself; taken: {files} of its subfolders, as with --pattern {pattern}"]
+    taken = counted(found.names)
+    notes = [f"no PLY in {folder} itself; taken: {taken} of its subfolders, as with --pattern {pattern}"]
     notes += found.notes
     notes += of_parts(parts, found.names) + of_copies(copies)
     if point_clouds:
@@ -238,7 +238,7 @@ def _refuse_kinds(folder: Path, kinds: list[list[Name]]) -> InputError:
     choices = []
     for kind in kinds[:3]:
         pattern = glob_for(kind, everything - {name.text for name in kind})
-        files = "1 file" if len(kind) == 1 else f"{len(kind)} files"
+        files = counted(kind)
         choices.append(f"--pattern {pattern} ({files})" if pattern else f"{kind[0].text} ({files})")
     return InputError(
         f"{folder}: no PLY in the folder itself, and {len(kinds)} kinds in its subfolders; choose one: "

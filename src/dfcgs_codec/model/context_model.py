@@ -34,8 +34,8 @@ NUM_CELLS = NUM_KINDS * NUM_FRACTIONS * NUM_LOW_CLASSES + NUM_CLASSES - NUM_LOW_
 #: significance of a Gaussian
 NUM_FLAG_CLASSES = 32
 #: widths of the networks' inputs: common to all symbols of a Gaussian or control point, and others
-NUM_COMMON_INPUTS, NUM_FLAG_INPUTS, NUM_COLUMN_INPUTS = 25, 2, 10
-NUM_CONTROL_COMMON, NUM_CONTROL_INPUTS = 6, 10
+NUM_COMMON_INPUTS, NUM_FLAG_INPUTS, NUM_COLUMN_INPUTS = 20, 2, 10
+NUM_CONTROL_COMMON, NUM_CONTROL_INPUTS = 4, 10
 NUM_DENSITY_CLASSES = 4
 #: columns of a control point's symbols; neighbours' mean, residuals of earlier columns, symbol before, habit
 CONTROL_WEIGHTS = (6, 8)

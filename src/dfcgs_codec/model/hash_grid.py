@@ -1,4 +1,4 @@
-"""Features of places on a multi-resolution hash grid, read by trilinear interpolation (spec section 16.3).
+"""Features of places on a multi-resolution hash grid, read by trilinear interpolation (spec annex B.4).
 
 Equation of the paper: context = MLP(union over l of Interp(mu, G^l)); here the interpolation.
 """

@@ -1,4 +1,4 @@
-"""The network of profile `paper` (spec section 16): D-FCGS with integers in all that a decoder repeats.
+"""The network of profile `paper` (spec annex B): D-FCGS with integers in all that a decoder repeats.
 
 Names in parentheses are the paper's. What only an encoder runs (features, Converter, g_a, h_a) comes from
 the same file, so that one file is the model.

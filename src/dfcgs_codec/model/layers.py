@@ -1,4 +1,4 @@
-"""Dense layers of integers, held in float64 so that BLAS does the work (spec section 16.1).
+"""Dense layers of integers, held in float64 so that BLAS does the work (spec annex B.3).
 
 Sums stay below 2**53, which is asserted for the weights at hand: then float64 is exact, in any order of
 summation and with any number of threads.

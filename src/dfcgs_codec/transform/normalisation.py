@@ -1,4 +1,4 @@
-"""Where a scene is and how large, so that one model fits all (spec section 16.2)."""
+"""Where a scene is and how large, so that one model fits all (spec annex B.3)."""
 
 from __future__ import annotations
 

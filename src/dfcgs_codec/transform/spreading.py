@@ -1,4 +1,4 @@
-"""Over which Gaussians the motion of a control point is spread, as the paper does it (spec section 16.6)."""
+"""Over which Gaussians the motion of a control point is spread, as the paper does it (spec annex B.7)."""
 
 from __future__ import annotations
 

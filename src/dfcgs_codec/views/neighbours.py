@@ -38,7 +38,7 @@ class Poses:
 
     def take(self, index: Int64) -> Poses:
         """Those of `index`."""
-        return Poses(self.positions[index], self.rotations[index], self.sources[index])
+        return Poses(*(array[index] for array in vars(self).values()))
 
     def features(self, radius: float) -> Float64:
         """(n, 12): distances between them are those of cameras."""
@@ -47,11 +47,7 @@ class Poses:
 
 
 def _joined(parts: list[Poses]) -> Poses:
-    return Poses(
-        np.concatenate([part.positions for part in parts]),
-        np.concatenate([part.rotations for part in parts]),
-        np.concatenate([part.sources for part in parts]),
-    )
+    return Poses(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
 
 def distances(points: Float64, point: Float64) -> Float64:

@@ -10,7 +10,7 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps
 from dfcgs_codec.bitstream.motion_header import LatentHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.columns.reader import SymbolReader
-from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.intra.verbatim import state_of
 from dfcgs_codec.codec.motion.compensation import ControlSource
 from dfcgs_codec.codec.paper.latent_motion import (
@@ -34,8 +34,8 @@ STEPS = IntraSteps(dict.fromkeys(Attribute, 16), 0, dict.fromkeys(Attribute, 0),
 
 def state(count: int = 600, sh_degree: int = 2) -> GofState:
     planes = state_of(make_cloud(count, sh_degree, 3), UNITS).planes
-    setup = GofSetup(ControlHeader(10, 3), UNITS)
-    return GofState.of_intra(FrameState(planes), setup, STEPS)
+    control = ControlHeader(10, 3)
+    return GofState.of_intra(FrameState(planes), control, STEPS, UNITS, None)
 
 
 def reference(model: LatentModel | None = None, sh_degree: int = 2) -> LatentReference:
@@ -107,8 +107,8 @@ def test_motion_follows_the_size_of_the_scene() -> None:
     small = state()
     planes = dict(small.frame.planes)
     planes[Attribute.POSITION] = type(planes[Attribute.POSITION])(planes[Attribute.POSITION].wide() * 2)
-    setup = GofSetup(ControlHeader(10, 4), UNITS)
-    large = GofState.of_intra(FrameState(planes), setup, STEPS)
+    control = ControlHeader(10, 4)
+    large = GofState.of_intra(FrameState(planes), control, STEPS, UNITS, None)
     latents = np.random.default_rng(1).integers(-3000, 3000, (60, 16))
     went = []
     for found, exponent in ((small, -10), (large, -10)):

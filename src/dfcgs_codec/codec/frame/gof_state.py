@@ -23,15 +23,6 @@ from dfcgs_codec.transform.rotation import round_divide
 
 
 @dataclass(frozen=True)
-class GofSetup:
-    """What an I-frame's state does not say of its GoF: control points, units of grids, the frozen prior."""
-
-    control: ControlHeader
-    units: UnitExponents
-    model: ContextModel | None = None
-
-
-@dataclass(frozen=True)
 class GofState:
     """The decoded `frame`, its levels of detail, the symbols before, control points and their motion.
 
@@ -48,13 +39,19 @@ class GofState:
     model: ContextModel | None = None
 
     @staticmethod
-    def of_intra(frame: FrameState, setup: GofSetup, steps: IntraSteps | None) -> GofState:
-        """After the GoF's I-frame; `steps`: None where it has none."""
-        source = ControlSource(frame.planes[Attribute.POSITION], setup.control)
+    def of_intra(
+        frame: FrameState,
+        control: ControlHeader,
+        steps: IntraSteps | None,
+        units: UnitExponents,
+        model: ContextModel | None,
+    ) -> GofState:
+        """After the GoF's I-frame; `steps`: None where it has none; `model`: the frozen prior."""
+        source = ControlSource(frame.planes[Attribute.POSITION], control)
         step = 1 if steps is None else steps.steps[Attribute.POSITION]
         levels = GofLevels(round_divide(frame.planes[Attribute.POSITION].wide(), step))
-        visibility = Visibility(frame, setup.units)
-        return GofState(frame, levels, source, step, visibility, model=setup.model)
+        visibility = Visibility(frame, units)
+        return GofState(frame, levels, source, step, visibility, model=model)
 
     def motion(self) -> GofMotion:
         """The motion of the GoF so far."""

@@ -18,7 +18,7 @@ from dfcgs_codec.bitstream.frame_headers import (
 )
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.frame.chunks import ChunkCoder, FrameCoder
-from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.frame.reconstruct import reconstruct_inter
 from dfcgs_codec.codec.frame.topology import Topology, TopologyGoal, code_topology
 from dfcgs_codec.codec.intra.verbatim import VerbatimSymbols, code_verbatim, state_of_columns
@@ -78,8 +78,7 @@ def code_intra_frame(frame: FrameCoder, goal: IntraFrameGoal | None) -> GofState
         shape = IntraShape(count, header.has_permutation, header.sort_grid, header.steps, units)
         state = code_intra(chunk.next, None if goal is None else goal.coded, shape)
     chunk.close()
-    setup = GofSetup(header.control, sequence.unit_exponents, frame.model)
-    return GofState.of_intra(state, setup, header.steps)
+    return GofState.of_intra(state, header.control, header.steps, sequence.unit_exponents, frame.model)
 
 
 def _verbatim(frame: FrameCoder, chunk: ChunkCoder[IntraHeader], given: VerbatimSymbols | None) -> FrameState:

@@ -1,4 +1,4 @@
-"""The symbol walk of `ply` I-frames: float32 bits, lossless (spec section 13)."""
+"""The symbol walk of `ply` I-frames: float32 bits, lossless (spec annex A)."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def grid_values(cloud: GaussianCloud, field: str, units: UnitExponents) -> dict[
 
 
 def state_of(cloud: GaussianCloud, units: UnitExponents) -> FrameState:
-    """Integer state of float values: the reference that a `ply` I-frame leaves behind (spec section 13.3)."""
+    """Integer state of float values: the reference that a `ply` I-frame leaves behind (spec annex A.3)."""
     planes: dict[Attribute, Int64] = {}
     for field in ("positions", "scales", "rotations", "opacities", "sh_dc", "sh_rest"):
         planes |= grid_values(cloud, field, units)

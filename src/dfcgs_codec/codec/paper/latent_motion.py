@@ -1,4 +1,4 @@
-"""P-frames of profile `paper`: latents to motion, motion to a frame, colours refined (spec section 16)."""
+"""P-frames of profile `paper`: latents to motion, motion to a frame, colours refined (spec annex B)."""
 
 from __future__ import annotations
 

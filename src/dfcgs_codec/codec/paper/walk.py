@@ -1,4 +1,4 @@
-"""The walk of a P-frame of profile `paper`, for reading and writing (spec section 16)."""
+"""The walk of a P-frame of profile `paper`, for reading and writing (spec annex B)."""
 
 from __future__ import annotations
 

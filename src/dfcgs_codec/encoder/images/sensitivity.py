@@ -56,7 +56,7 @@ def _errors_of(
     order = np.argsort(before.depth, kind="stable")
     image, errors = before.image(order), {}
     for attribute, there in changed.items():
-        after = patch.draw(there)
+        after = patch.drawn_anew(before, there, attribute)
         still = order if attribute == Attribute.POSITION else None
         errors[attribute] = ImageError(squared(after.image(still), image))
         if attribute == Attribute.POSITION:

@@ -1,4 +1,4 @@
-"""P-frames of profile `paper`: motion of control points through the network (spec section 16)."""
+"""P-frames of profile `paper`: motion of control points through the network (spec annex B)."""
 
 from __future__ import annotations
 
