@@ -11,7 +11,7 @@ from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.frame_headers import (
     InterHeader,
     IntraHeader,
-    ResidualHeader,
+    NoFields,
     coded_attributes,
     read_lengths,
 )
@@ -37,7 +37,7 @@ class ListedChunk(NamedTuple):
 def listed_chunks(container: ContainerReader) -> Iterator[ListedChunk]:
     """All behind the sequence header; BitstreamError where a header does not make sense."""
     sequence, count = container.sequence, 0
-    residual = ResidualHeader([])
+    residual = NoFields([])
     motion = LatentHeader.read if sequence.profile == Profile.PAPER else MotionHeader.read
     for head in container.chunks():
         reader = container.peek(head, HEADER_BYTES)
@@ -47,7 +47,7 @@ def listed_chunks(container: ContainerReader) -> Iterator[ListedChunk]:
             count = intra.num_gaussians
         elif head.chunk_type == ChunkType.INTER_FRAME:
             header = inter = InterHeader.read(reader, sequence)
-            residual = ResidualHeader(sorted(inter.steps))
+            residual = NoFields([attribute.name for attribute in sorted(inter.steps)])
         elif head.chunk_type == ChunkType.TOPOLOGY:
             header = topology = TopologyHeader.read(reader, sequence, count)
             count += topology.num_births - topology.num_removals
