@@ -13,11 +13,14 @@ FIRST ?= 0
 RUN := out/paper/run
 PRIOR := out/prior
 DEMO := out/demo
+PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
+# what has targets of its own is not tested with the codec
+CODEC := tests --ignore tests/lab --ignore tests/evaluation --ignore tests/training
 # what shows that other versions of the dependencies do: every conformance stream, exact arithmetic, PLY files
 VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit/transform tests/unit/test_ply.py
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval env-train demo test test-oldest test-newest test-evaluation test-training train train-prior check format fuzz golden cli-page player player-package test-player clean \
+.PHONY: help env env-eval env-train demo test test-slow test-oldest test-newest test-evaluation test-training test-player train train-prior check format core player player-package fuzz fuzz-core golden cli-page clean \
 	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-paper bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts picture fitted captures
 
 help: ## list the targets
@@ -56,8 +59,11 @@ demo: $(STAMP) ## the main job on a real moving sequence: make frames, encode, d
 	@echo "file:        $(DEMO)/playbot.dgs ($$(du -sk $(DEMO)/playbot.dgs | cut -f1) kB)"
 	@echo "frames out:  $(DEMO)/decoded   (open them in any 3DGS viewer)"
 
-test: $(STAMP) ## all tests
-	$(BIN)/python -m pytest -n 2
+test: $(STAMP) ## the tests of the codec, but for the slow ones
+	$(PYTEST) $(CODEC)
+
+test-slow: $(STAMP) ## exhaustive products and long random searches, which `make test` has a part of
+	$(PYTEST) $(CODEC) -m slow
 
 test-oldest: $(STAMP) ## the commands and their bytes with the oldest version of every dependency that is allowed
 	mkdir -p out
@@ -73,20 +79,20 @@ test-newest: $(STAMP) ## the same with the newest
 	$(BIN)/python tools/compare_versions.py $(BIN)/python .venv-newest/bin/python
 	.venv-newest/bin/python -m pytest $(VERSIONED)
 
-test-evaluation: env-eval ## the tests of renderer, metrics, baselines and fitting, which need the extra [eval]
-	$(BIN)/python -m pytest -n 2 tests/lab tests/evaluation tests/training
+test-evaluation: env-eval ## the tests of renderer, metrics and baselines, which need the extra [eval]
+	$(PYTEST) tests/lab tests/evaluation -m ''
 
-test-training: env-train ## the tests of training, which need torch
-	$(BIN)/python -m pytest -n 2 tests/training
+test-training: env-train ## the tests of training and fitting, which need torch
+	$(PYTEST) tests/training
 
 train: env-train ## train the model of profile paper anew (an hour; goes on where it stopped) and export it into out/
 	$(BIN)/python -m training.paper train --out $(RUN) --seed 1 $(if $(wildcard $(RUN)/checkpoint.pt),--resume,--minutes 60)
 	$(BIN)/python -m training.paper export $(RUN) --model-id paper-1 --out $(RUN)
 
 train-prior: env-train ## train the prior of profile main anew (half an hour; goes on where it stopped) and export it into out/
-	$(BIN)/python -m training.prior --recordings $(PRIOR)/first record
+	$(BIN)/python -m training.prior --recordings $(PRIOR)/first record --takes 16
 	$(BIN)/python -m training.prior --recordings $(PRIOR)/first train --out $(PRIOR)/first-1 --steps 1500
-	$(BIN)/python -m training.prior --recordings $(PRIOR)/second record --model $(PRIOR)/first-1.npz
+	$(BIN)/python -m training.prior --recordings $(PRIOR)/second record --model $(PRIOR)/first-1.weights
 	$(BIN)/python -m training.prior --recordings $(PRIOR)/second train --out $(PRIOR)/main-1 --steps 8000
 
 check: $(STAMP) ## lint, types, import floors
@@ -101,6 +107,13 @@ format: $(STAMP) ## lay the code out
 
 fuzz: $(STAMP) ## break files in ways that keep their checksums right, for 10 minutes: make fuzz MINUTES=60 FIRST=1000000
 	$(BIN)/python tools/fuzz.py --minutes $(MINUTES) --first $(FIRST)
+
+core: $(STAMP) ## build the C core to the WebAssembly module of the package, with a compiler from PyPI
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[core]'
+	$(BIN)/python tools/build_core.py
+
+fuzz-core: $(STAMP) ## break files for the C core under sanitizers (clang, or gcc): make fuzz-core MINUTES=60
+	$(BIN)/python tools/fuzz_core.py --seconds $$((60 * $(MINUTES))) --first $(FIRST)
 
 golden: $(STAMP) ## write the conformance streams (refuses to touch a released version)
 	$(BIN)/python tools/make_golden.py

@@ -1,12 +1,13 @@
-/* The decoder of profile MAIN: takes the chunks of a file one after the other and holds the last frame (5, 6, 9.3). */
+/* The decoder of profile MAIN: takes the chunks of a file one after the other and holds the last frame (5,
+ * 6, 9.3). */
 #ifndef DFCGS_DECODER_H
 #define DFCGS_DECODER_H
 
 #include "context_model.h"
 #include "gof.h"
+#include "intra.h"
 #include "limits.h"
 #include "streams.h"
-#include "intra.h"
 
 /* Chunk types of 3.1. */
 enum {
@@ -22,8 +23,8 @@ enum {
     DFCGS_CHUNK_END = 0x7F
 };
 
-/* A chunk whose checksum was found right. `offset` of its first byte in the file, `payload_offset` of its payload, `size` of
-   all of it. */
+/* A chunk whose checksum was found right. `offset` of its first byte in the file, `payload_offset` of its
+   payload, `size` of all of it. */
 typedef struct {
     int type;
     uint32_t frame;
@@ -35,17 +36,15 @@ typedef struct {
 
 /* A frame under way: what its chunks so far have said. */
 typedef struct {
-    uint32_t index, num_gaussians; /* num_gaussians: those of the reference frame */
+    uint32_t index, num_gaussians; /* num_gaussians: those of its output */
     int64_t offset;
     int is_intra, expects; /* type of the chunk that comes next, 0 when the frame is whole */
     uint8_t hash[DFCGS_HASH_BYTES];
     dfcgs_inter_header header;
     int has_topology, has_motion, has_residual;
     dfcgs_topology_header topology;
-    dfcgs_reader topology_reader;
-    uint64_t topology_lengths[DFCGS_MAX_STREAMS];
-    dfcgs_streams topology_streams;
-    dfcgs_intra_frame births;
+    dfcgs_births births;
+    int32_t *places; /* of all Gaussians in the output, where the frame says them */
     dfcgs_motion_header motion;
     int32_t *reference; /* POSITION of the reference frame, where the frame has moved */
     const uint8_t *escapes;
@@ -75,8 +74,8 @@ void dfcgs_forget(dfcgs_decoder *decoder);
 
 /* Room for the payload of the next chunk; it stays until its frame is done. */
 uint8_t *dfcgs_payload_room(dfcgs_decoder *decoder, int type, size_t size);
-/* Decodes a chunk: INTRA_FRAME or INTER_FRAME, or the one that the frame expects. The frame is whole, and its hash was right,
-   where nothing more is expected. */
+/* Decodes a chunk: INTRA_FRAME or INTER_FRAME, or the one that the frame expects. The frame is whole, and its
+   hash was right, where nothing more is expected. */
 dfcgs_status dfcgs_put(dfcgs_decoder *decoder, const dfcgs_chunk *chunk);
 
 #endif

@@ -36,7 +36,6 @@ typedef struct {
     dfcgs_control_header control;
     dfcgs_intra_coding coding;
     int num_streams;
-    uint64_t lengths[DFCGS_MAX_STREAMS];
 } dfcgs_intra_header;
 
 typedef struct {
@@ -58,14 +57,16 @@ typedef struct {
 /* Control points that are wanted of `count` Gaussians (14.1). */
 uint32_t dfcgs_wanted_points(uint32_t count, const dfcgs_control_header *control);
 
-/* Each reads from the beginning of its payload. */
+/* Each reads from the beginning of its payload; lengths of streams follow. */
 dfcgs_status dfcgs_read_intra(dfcgs_reader *r, const dfcgs_sequence *sequence, dfcgs_intra_header *header);
 dfcgs_status dfcgs_read_inter(dfcgs_reader *r, const dfcgs_sequence *sequence, dfcgs_inter_header *header);
-dfcgs_status dfcgs_read_topology(dfcgs_reader *r, const dfcgs_sequence *sequence, dfcgs_topology_header *header);
+/* `num_gaussians`: those of the reference frame. */
+dfcgs_status dfcgs_read_topology(dfcgs_reader *r, const dfcgs_sequence *sequence, uint32_t num_gaussians,
+                                 dfcgs_topology_header *header);
 dfcgs_status dfcgs_read_motion(dfcgs_reader *r, dfcgs_motion_header *header);
 dfcgs_status dfcgs_read_lengths(dfcgs_reader *r, int count, uint64_t *lengths);
 
-/* 6.6: checks an ESCAPES payload for a frame of `num_gaussians`; `count` escapes begin at `fields`. */
+/* 13: checks an ESCAPES payload for a frame of `num_gaussians`; `count` escapes begin at `fields`. */
 dfcgs_status dfcgs_check_escapes(dfcgs_arena *arena, dfcgs_reader *r, const dfcgs_sequence *sequence,
                                  uint32_t num_gaussians, uint64_t *count);
 

@@ -12,9 +12,7 @@ enum {
     BLEND_ADVANTAGE = 16,
     MAX_EFFORT_CLASS = 64,
     MEMORY_BITS = 4,
-    EFFORT_SHIFT = 4,
-    LEVEL_INPUT = 16,
-    PRESENT = 64
+    EFFORT_SHIFT = 4
 };
 enum { INPUT_LIMIT = 255 };
 
@@ -43,8 +41,7 @@ dfcgs_status dfcgs_bind_levels(dfcgs_arena *arena, const int32_t *cells, dfcgs_f
     return DFCGS_OK;
 }
 
-/* --- 14.4
- * ---------------------------------------------------------------------------------------------------- */
+/* --- 14.4 -------------------------------------------------------------------------------------------- */
 
 static int64_t entry(int64_t product) { return dfcgs_round_shift(product, ENTRY_SHIFT); }
 
@@ -147,8 +144,7 @@ dfcgs_status dfcgs_move_field(dfcgs_field *field, const int32_t *symbols, int tr
     return DFCGS_OK;
 }
 
-/* --- 14.5
- * ---------------------------------------------------------------------------------------------------- */
+/* --- 14.5 -------------------------------------------------------------------------------------------- */
 
 static void turn_from_left(const int64_t turn[3], int32_t *rotation) {
     int64_t by[4], q[4] = {rotation[0], rotation[1], rotation[2], rotation[3]};
@@ -156,6 +152,13 @@ static void turn_from_left(const int64_t turn[3], int32_t *rotation) {
     dfcgs_multiply(by, q, q);
     dfcgs_normalise(q);
     for (int c = 0; c < 4; c++) rotation[c] = (int32_t)q[c];
+}
+
+void dfcgs_turn_all(const int32_t *vectors, uint32_t count, int32_t *rotations) {
+    for (uint32_t i = 0; i < count; i++, vectors += 3, rotations += 4) {
+        int64_t turn[3] = {vectors[0], vectors[1], vectors[2]};
+        if (turn[0] | turn[1] | turn[2]) turn_from_left(turn, rotations);
+    }
 }
 
 void dfcgs_carry(const dfcgs_field *field, const dfcgs_binding *bindings, const uint8_t *follows,
@@ -173,8 +176,7 @@ void dfcgs_carry(const dfcgs_field *field, const dfcgs_binding *bindings, const 
     }
 }
 
-/* --- 14.6
- * ---------------------------------------------------------------------------------------------------- */
+/* --- 14.6 -------------------------------------------------------------------------------------------- */
 
 static void learn_point(dfcgs_binding *binding, int64_t moved[DFCGS_NUM_CANDIDATES][3],
                         const int64_t actual[3], int64_t unit) {
@@ -228,8 +230,7 @@ void dfcgs_learn_field(dfcgs_field *field, int translation_step) {
                                                -DFCGS_STATE_LIMIT, DFCGS_STATE_LIMIT);
 }
 
-/* --- 14.3
- * ---------------------------------------------------------------------------------------------------- */
+/* --- 14.3 -------------------------------------------------------------------------------------------- */
 
 static uint8_t limited(int value) { return (uint8_t)(value < INPUT_LIMIT ? value : INPUT_LIMIT); }
 
@@ -240,8 +241,8 @@ static void effort_inputs(const dfcgs_binding *binding, uint8_t *x) {
         low = effort < low ? effort : low;
         high = effort > high ? effort : high;
     }
-    x[3] = limited(binding->effort[binding->choice] >> EFFORT_SHIFT);
-    x[4] = limited(high - low);
+    x[2] = limited(binding->effort[binding->choice] >> EFFORT_SHIFT);
+    x[3] = limited(high - low);
 }
 
 static int64_t expect(const int64_t *habits, int step, int64_t *changes) {
@@ -253,31 +254,18 @@ static int64_t expect(const int64_t *habits, int step, int64_t *changes) {
     return size;
 }
 
-static void inputs_of_level(const dfcgs_field *field, uint32_t start, uint32_t end, int level,
-                            uint8_t *inputs) {
-    for (uint32_t k = start; k < end; k++) {
-        uint8_t *x = inputs + DFCGS_NUM_CONTROL_INPUTS * (size_t)k;
-        x[0] = (uint8_t)(level * LEVEL_INPUT);
-        x[3] = x[4] = 0;
-        if (level > 0) effort_inputs(field->bindings + k, x);
-        x[5] = end == field->count ? PRESENT : 0;
-    }
-}
-
 void dfcgs_control_inputs(const dfcgs_field *field, const int32_t *before, int translation_step,
                           int turn_step, uint8_t *inputs, int64_t *expected_changes) {
-    int level = 0;
-    for (uint32_t start = 0, end; start < field->count; start = end, level++) {
-        end = dfcgs_level_end(start, field->count);
-        inputs_of_level(field, start, end, level, inputs);
-    }
     for (uint32_t k = 0; k < field->count;
          k++, inputs += DFCGS_NUM_CONTROL_INPUTS, expected_changes += 6, before += 6) {
         int64_t size = 0;
         for (int c = 0; c < DFCGS_MOTION_COLUMNS; c++) size += dfcgs_abs(before[c]);
-        inputs[1] = dfcgs_log((uint64_t)size);
+        inputs[0] = dfcgs_log((uint64_t)size);
         size = expect(field->translation_habits + 3 * (size_t)k, translation_step, expected_changes);
         size += expect(field->turn_habits + 3 * (size_t)k, turn_step, expected_changes + 3);
-        inputs[2] = dfcgs_log((uint64_t)size);
+        inputs[1] = dfcgs_log((uint64_t)size);
+        inputs[2] = inputs[3] = 0;
+        /* the first level has no parents */
+        if (k >= dfcgs_level_end(0, field->count)) effort_inputs(field->bindings + k, inputs);
     }
 }

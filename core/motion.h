@@ -5,7 +5,7 @@
 #include "nearness.h"
 #include "rotation.h"
 
-enum { DFCGS_MOTION_COLUMNS = 6, DFCGS_TABLE_COLUMNS = 12, DFCGS_NUM_CONTROL_INPUTS = 6 };
+enum { DFCGS_MOTION_COLUMNS = 6, DFCGS_TABLE_COLUMNS = 12, DFCGS_NUM_CONTROL_INPUTS = 4 };
 
 /* The n control points of a GoF, in the order in which they were chosen; arrays belong to the caller, all but
    `pivots` cleared at first. */
@@ -29,7 +29,7 @@ DFCGS_INLINE uint32_t dfcgs_level_end(uint32_t start, uint32_t count) {
 /* 14.2: binds control points with `cells` [n][3] to those of earlier levels. */
 dfcgs_status dfcgs_bind_levels(dfcgs_arena *arena, const int32_t *cells, dfcgs_field *field);
 
-/* 14.3: inputs x [n][6] of control points and expected changes [n][6]; `before` [n][6]: the last symbols. */
+/* 14.3: inputs x [n][4] of control points and expected changes [n][6]; `before` [n][6]: the last symbols. */
 void dfcgs_control_inputs(const dfcgs_field *field, const int32_t *before, int translation_step,
                           int turn_step, uint8_t *inputs, int64_t *expected_changes);
 
@@ -41,6 +41,10 @@ dfcgs_status dfcgs_move_field(dfcgs_field *field, const int32_t *symbols, int tr
  * are changed. */
 void dfcgs_carry(const dfcgs_field *field, const dfcgs_binding *bindings, const uint8_t *follows,
                  uint32_t count, int turns, int32_t *positions, int32_t *rotations);
+
+/* What carries rotations [count][4], by turns `vectors` [count][3]; those of zero vectors stay as they are.
+ */
+DFCGS_EXPORT void dfcgs_turn_all(const int32_t *vectors, uint32_t count, int32_t *rotations);
 
 /* 14.6: what Gaussians that followed learn, from their positions in the reference frame and those decoded. */
 void dfcgs_learn(const dfcgs_field *field, dfcgs_binding *bindings, const uint8_t *follows, uint32_t count,

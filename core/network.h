@@ -21,6 +21,7 @@ typedef struct {
 /* `common`: what the first inputs, which all symbols of a Gaussian share, add to the first layer's sums. */
 typedef struct {
     int num_layers, num_common, num_others;
+    int is_narrow; /* no layer has more than 16 outputs, and there are no more than 16 others */
     dfcgs_layer common, layers[DFCGS_MAX_LAYERS];
 } dfcgs_network;
 
@@ -41,6 +42,9 @@ DFCGS_EXPORT void dfcgs_prepare(const dfcgs_network *network, const uint8_t *com
 
 /* The class of a symbol from what dfcgs_prepare gave and its `others` [num_others]. */
 uint8_t dfcgs_class(const dfcgs_network *network, const int32_t *prepared, const uint8_t *others);
+/* The same of up to 16 others in the bytes of two words, the first one lowest; those left over are 0. */
+uint8_t dfcgs_class_of_words(const dfcgs_network *network, const int32_t *prepared, uint64_t low,
+                             uint64_t high);
 /* The classes of `rows` symbols, one after the other. */
 DFCGS_EXPORT void dfcgs_classes(const dfcgs_network *network, const int32_t *prepared, const uint8_t *others,
                                 uint32_t rows, uint8_t *classes);

@@ -80,9 +80,8 @@ static void inputs_of_row(const dfcgs_known *known, uint32_t row, int sort, uint
     x[9] = limited(present(known->density_before, block, SMALL));
     x[10] = limited(present(known->density, block, SMALL));
     x[11] = limited(present(known->magnitude, block, 4));
-    for (int a = 0; a < DFCGS_NUM_NOW; a++) x[12 + a] = (uint8_t)present(known->now[a], row, 1);
-    for (int a = 0; a < DFCGS_NUM_EARLIER; a++) x[17 + a] = (uint8_t)present(known->earlier[a], row, 1);
-    for (int s = 0; s < 6; s++) x[19 + s] = s == sort ? PRESENT : 0;
+    for (int a = 0; a < DFCGS_NUM_EARLIER; a++) x[12 + a] = (uint8_t)present(known->earlier[a], row, 1);
+    for (int s = 0; s < DFCGS_NUM_SORTS; s++) x[14 + s] = s == sort ? PRESENT : 0;
 }
 
 void dfcgs_common_inputs(const dfcgs_known *known, const uint32_t *rows, uint32_t count, uint8_t *inputs) {
@@ -121,31 +120,43 @@ static int cell_of(int class, int kind, int fraction) {
                                    : NUM_KINDS * NUM_FRACTIONS * NUM_LOW_CLASSES + class - NUM_LOW_CLASSES;
 }
 
+/* What a pass finds of one row; `low` and `high` are u, those of `others` filled in. */
+typedef struct {
+    int64_t prediction;
+    uint64_t low, high;
+    int kind, quarters, flipped;
+} expectation;
+
+static expectation expect(const dfcgs_component *component, size_t row, int64_t expected) {
+    expectation e = {.prediction = dfcgs_round_shift(expected, FRACTION_BITS)};
+    int64_t fraction = expected - e.prediction * (1 << FRACTION_BITS), size = dfcgs_abs(fraction);
+    memcpy(&e.low, component->others + row * DFCGS_NUM_OTHERS, sizeof e.low);
+    e.high = (uint64_t)component->others[row * DFCGS_NUM_OTHERS + 9] << 8;
+    e.kind = e.prediction == 0 && component->kinds ? component->kinds[row] : 0;
+    e.quarters = (size >= EIGHTH) + (size >= 3 * EIGHTH);
+    e.flipped = fraction < 0 && e.quarters > 0;
+    e.low |= (uint64_t)dfcgs_log((uint64_t)(dfcgs_abs(expected) >> (FRACTION_BITS - MEAN_BITS))) << 56;
+    e.high |= e.kind > 0 ? PRESENT : 0;
+    return e;
+}
+
 void dfcgs_pass(const dfcgs_component *component, uint32_t first, uint32_t stride, uint32_t rows,
                 const int64_t *mean, const int64_t *deviation, int64_t *predictions, uint8_t *contexts,
                 uint8_t *flipped) {
     size_t width = (size_t)dfcgs_prepared_width(component->network), row = first;
     for (uint32_t i = 0; i < rows; i++, row += stride) {
-        uint8_t u[DFCGS_NUM_OTHERS];
-        int64_t expected = component->own[row];
-        memcpy(u, component->others + row * DFCGS_NUM_OTHERS, sizeof u);
-        if (mean) {
-            expected += mean[i] * component->mean_weight;
-            u[0] = dfcgs_log((uint64_t)deviation[i]);
-            u[1] = dfcgs_log((uint64_t)dfcgs_abs(mean[i]));
-        } else {
-            u[2] = PRESENT;
-        }
-        int64_t prediction = dfcgs_round_shift(expected, FRACTION_BITS);
-        int64_t fraction = expected - prediction * (1 << FRACTION_BITS), size = dfcgs_abs(fraction);
-        int kind = prediction == 0 && component->kinds ? component->kinds[row] : 0;
-        int quarters = (size >= EIGHTH) + (size >= 3 * EIGHTH);
-        u[7] = dfcgs_log((uint64_t)(dfcgs_abs(expected) >> (FRACTION_BITS - MEAN_BITS)));
-        u[8] = kind > 0 ? PRESENT : 0;
-        predictions[i] = prediction;
-        flipped[i] = fraction < 0 && quarters > 0;
-        contexts[i] = (uint8_t)cell_of(dfcgs_class(component->network, component->prepared + row * width, u),
-                                       kind, quarters);
+        int64_t neighbours = mean ? mean[i] * component->mean_weight : 0;
+        expectation e = expect(component, row, component->own[row] + neighbours);
+        if (mean)
+            e.low |= dfcgs_log((uint64_t)deviation[i]) | (uint64_t)dfcgs_log((uint64_t)dfcgs_abs(mean[i]))
+                                                             << 8;
+        else
+            e.low |= (uint64_t)PRESENT << 16;
+        int class =
+            dfcgs_class_of_words(component->network, component->prepared + row * width, e.low, e.high);
+        predictions[i] = e.prediction;
+        flipped[i] = (uint8_t)e.flipped;
+        contexts[i] = (uint8_t)cell_of(class, e.kind, e.quarters);
     }
 }
 
@@ -153,7 +164,7 @@ void dfcgs_flag_classes(const dfcgs_network *network, const int32_t *prepared, c
                         uint32_t count, const int64_t *mean, uint8_t *classes) {
     size_t width = (size_t)dfcgs_prepared_width(network);
     for (uint32_t i = 0; i < count; i++) {
-        uint8_t u[2] = {mean ? (uint8_t)(mean[i] >> (MEAN_BITS + 1)) : 0, mean ? 0 : PRESENT};
-        classes[i] = dfcgs_class(network, prepared + rows[i] * width, u);
+        uint64_t u = mean ? (uint64_t)mean[i] >> (MEAN_BITS + 1) & 255 : (uint64_t)PRESENT << 8;
+        classes[i] = dfcgs_class_of_words(network, prepared + rows[i] * width, u, 0);
     }
 }

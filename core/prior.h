@@ -9,13 +9,12 @@
 
 enum {
     DFCGS_NUM_GAUSSIAN_INPUTS = 5,
-    DFCGS_NUM_COMMON = 25,
+    DFCGS_NUM_COMMON = 20,
     DFCGS_NUM_OTHERS = 10,
-    DFCGS_NUM_CONTROL_COMMON = 6
+    DFCGS_NUM_CONTROL_COMMON = 4
 };
-/* attributes POSITION to SH_DC, whose symbols in this frame later ones look at, and POSITION and ROTATION of
- * the last frame */
-enum { DFCGS_NUM_NOW = 5, DFCGS_NUM_EARLIER = 2 };
+/* POSITION and ROTATION, whose symbols in the last frame others look at; sorts of attributes */
+enum { DFCGS_NUM_EARLIER = 2, DFCGS_NUM_SORTS = 6 };
 
 /* log(size(symbols)) of each row of `symbols` [count][columns]. */
 DFCGS_EXPORT void dfcgs_log_sizes(const int32_t *symbols, uint32_t count, int columns, uint8_t *sizes);
@@ -29,7 +28,7 @@ DFCGS_EXPORT void dfcgs_remember(const int32_t *symbols, uint32_t count, int col
 DFCGS_EXPORT void dfcgs_gaussian_inputs(const dfcgs_binding *bindings, const uint8_t *follows, uint32_t count,
                                         uint8_t *inputs);
 
-/* What x[0] .. x[24] of an attribute are made of. All of N Gaussians, or of their blocks; NULL for what is
+/* What x[0] .. x[19] of an attribute are made of. All of N Gaussians, or of their blocks; NULL for what is
  * not there. */
 typedef struct {
     const uint8_t *gaussians;                  /* [N][5], see dfcgs_gaussian_inputs */
@@ -40,12 +39,11 @@ typedef struct {
     const uint8_t *density_before;             /* [blocks] */
     const uint8_t *density;                    /* [blocks] */
     const uint8_t *magnitude;                  /* [blocks] */
-    const uint8_t *now[DFCGS_NUM_NOW];         /* [N], log sizes */
     const uint8_t *earlier[DFCGS_NUM_EARLIER]; /* [N], log sizes */
     int32_t attribute, columns;
 } dfcgs_known;
 
-/* `inputs` [count][25] of the Gaussians `rows` [count]. */
+/* `inputs` [count][20] of the Gaussians `rows` [count]. */
 DFCGS_EXPORT void dfcgs_common_inputs(const dfcgs_known *known, const uint32_t *rows, uint32_t count,
                                       uint8_t *inputs);
 
@@ -65,7 +63,7 @@ DFCGS_EXPORT void dfcgs_add_wide_feature(const int64_t *feature, uint32_t count,
 typedef struct {
     const dfcgs_network *network;
     const int32_t *prepared; /* [count][dfcgs_prepared_width] */
-    const uint8_t *others;   /* [count][10] */
+    const uint8_t *others;   /* [count][10], 0 for what a pass finds: u[0] to u[2], u[7], u[8] */
     const uint8_t *kinds;    /* [count] */
     const int64_t *own;      /* [count] */
     int32_t mean_weight;     /* w[0] */

@@ -7,18 +7,61 @@ static int64_t coarser(int64_t change, const uint8_t *coarseness, uint32_t i) {
 
 static int beyond(int64_t value, int64_t limit) { return value < -limit || value > limit; }
 
-dfcgs_status dfcgs_reconstruct(int32_t *plane, const int32_t *symbols, uint32_t count, int columns, int step,
-                               const uint8_t *coarseness) {
-    int64_t limit = 2 * (int64_t)DFCGS_STATE_LIMIT / step;
+static uint32_t largest_of(const int32_t *values, size_t count) {
+    uint32_t largest = 0;
+    for (size_t i = 0; i < count; i++) {
+        uint32_t magnitude = values[i] < 0 ? -(uint32_t)values[i] : (uint32_t)values[i];
+        largest = magnitude > largest ? magnitude : largest;
+    }
+    return largest;
+}
+
+/* The larger of `largest` and of the magnitudes of values that were changed by symbols times `unit`, in
+ * 2**-shift. */
+static uint32_t change(int32_t *restrict values, const int32_t *restrict symbols, size_t count, int32_t unit,
+                       int shift, uint32_t largest) {
+    int32_t half = (1 << shift) >> 1;
+    for (size_t i = 0; i < count; i++) {
+        int32_t value = values[i] + ((symbols[i] * unit + half) >> shift);
+        uint32_t magnitude = value < 0 ? -(uint32_t)value : (uint32_t)value;
+        values[i] = value;
+        largest = magnitude > largest ? magnitude : largest;
+    }
+    return largest;
+}
+
+/* Where no change leaves 30 bits, so that none of a value of the state leaves 32. */
+static dfcgs_status reconstruct_narrow(int32_t *plane, const int32_t *symbols, uint32_t count, int columns,
+                                       int step, const uint8_t *coarseness) {
+    size_t width = (size_t)columns;
+    uint32_t largest = 0;
+    if (!coarseness) largest = change(plane, symbols, count * width, step, 0, 0);
+    for (uint32_t i = 0; coarseness && i < count; i++)
+        largest = change(plane + i * width, symbols + i * width, width,
+                         step * dfcgs_multipliers[coarseness[i]], DFCGS_MULTIPLIER_BITS, largest);
+    return largest > DFCGS_STATE_LIMIT ? DFCGS_CORRUPT : DFCGS_OK;
+}
+
+static dfcgs_status reconstruct_wide(int32_t *plane, const int32_t *symbols, uint32_t count, int columns,
+                                     int step, const uint8_t *coarseness) {
     for (uint32_t i = 0; i < count; i++, plane += columns, symbols += columns)
         for (int c = 0; c < columns; c++) {
-            if (symbols[c] == 0) continue;
-            if (beyond(symbols[c], limit)) return DFCGS_CORRUPT;
             int64_t value = plane[c] + coarser((int64_t)symbols[c] * step, coarseness, i);
             if (beyond(value, DFCGS_STATE_LIMIT)) return DFCGS_CORRUPT;
             plane[c] = (int32_t)value;
         }
     return DFCGS_OK;
+}
+
+dfcgs_status dfcgs_reconstruct(int32_t *plane, const int32_t *symbols, uint32_t count, int columns, int step,
+                               const uint8_t *coarseness) {
+    int64_t largest = largest_of(symbols, count * (size_t)columns),
+            limit = 2 * (int64_t)DFCGS_STATE_LIMIT / step;
+    if (largest == 0) return DFCGS_OK;
+    if (largest > limit) return DFCGS_CORRUPT;
+    if (largest * step < 1 << (30 - DFCGS_MULTIPLIER_BITS - 4))
+        return reconstruct_narrow(plane, symbols, count, columns, step, coarseness);
+    return reconstruct_wide(plane, symbols, count, columns, step, coarseness);
 }
 
 static void turn_row(int32_t *rotation, const int64_t vector[3]) {

@@ -27,10 +27,12 @@ DFCGS_INLINE void dfcgs_multiply(const int64_t a[4], const int64_t b[4], int64_t
     product[3] = dfcgs_round_shift(w * k + x * j - y * i + z * s, 24);
 }
 
-/* Components within +-2**25; `q` is changed. */
+/* Components within +-2**25; `q` is changed. All that is divided is an integer below 2**53, and the correctly
+   rounded quotient of such never is an integer that the quotient is below. */
 DFCGS_INLINE void dfcgs_normalise(int64_t q[4]) {
-    int64_t length = dfcgs_max(dfcgs_root(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]), 1);
-    for (int c = 0; c < 4; c++) q[c] = dfcgs_round_quotient(q[c] * DFCGS_ONE, length);
+    double length = (double)dfcgs_max(dfcgs_root(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]), 1);
+    for (int c = 0; c < 4; c++)
+        q[c] = (int64_t)__builtin_floor(((double)(q[c] * (2 * DFCGS_ONE)) + length) / (2 * length));
 }
 
 #endif

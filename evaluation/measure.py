@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from dfcgs_codec import probe
+from dfcgs_codec.array_types import Float32
 from dfcgs_codec.ply import read_ply
 from evaluation.baselines.__main__ import EXIT_REFUSED, EXIT_UNAVAILABLE
 from evaluation.baselines.method import MethodUnavailable, frame_path, frame_paths
@@ -21,7 +22,7 @@ from evaluation.points import Point
 from evaluation.sequences import WORK, Sequence
 from lab.attribute_errors import attribute_errors
 from lab.captures.files import true_images
-from lab.quality import Float32, Image, compared, image, summary, true_quality
+from lab.quality import Image, compared, image, summary, true_quality
 from lab.scenes.catalogue import is_capture
 from lab.views import cameras
 

@@ -67,7 +67,7 @@ class Point:
 def codec_version() -> str:
     """A digest of the codec's sources."""
     total = hashlib.sha256()
-    sources = [path for path in (REPOSITORY / "src").rglob("*") if path.suffix in (".py", ".npz")]
+    sources = [path for path in (REPOSITORY / "src").rglob("*") if path.suffix in (".py", ".weights")]
     for path in sorted(sources):
         total.update(path.read_bytes())
     return total.hexdigest()[:16]

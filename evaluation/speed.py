@@ -83,7 +83,7 @@ def character(num_frames: int = _FRAMES) -> list[GaussianCloud]:
     return list(islice(scene.frames(find_asset(scene.asset)), num_frames))
 
 
-def _noise_frames(cloud: GaussianCloud) -> list[GaussianCloud]:
+def noise_frames(cloud: GaussianCloud) -> list[GaussianCloud]:
     """The worst case of a P-frame: every value takes a random step of about a quantiser step."""
     rng = np.random.default_rng(0)
     sizes = {
@@ -126,7 +126,7 @@ def main() -> None:
         sequences = {
             "tracked": VARIANTS["noisy"](clean(), 0),
             "all_attributes_drift": VARIANTS["drift"](clean(), 0),
-            "all_attributes_noise": _noise_frames(cloud),
+            "all_attributes_noise": noise_frames(cloud),
             "static": VARIANTS["static"](clean(), 0),
             "character_200k": character(),
         }

@@ -9,12 +9,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from dfcgs_codec.array_types import Float64, Floats, Int64
 from dfcgs_codec.gaussians import GaussianCloud
-
-Int64 = npt.NDArray[np.int64]
 
 
 def mutual_pairs(source: GaussianCloud, decoded: GaussianCloud) -> tuple[Int64, Int64]:
@@ -25,7 +23,7 @@ def mutual_pairs(source: GaussianCloud, decoded: GaussianCloud) -> tuple[Int64, 
     return mine, forward[mine]
 
 
-def _covariances(cloud: GaussianCloud) -> npt.NDArray[np.float64]:
+def _covariances(cloud: GaussianCloud) -> Float64:
     """(N, 3, 3), scene units squared: what rotation and scale mean together, whatever the axes are called."""
     q = cloud.rotations.astype(np.float64)
     w, x, y, z = (q / np.linalg.norm(q, axis=1)[:, None]).T
@@ -38,7 +36,7 @@ def _covariances(cloud: GaussianCloud) -> npt.NDArray[np.float64]:
     return scaled @ scaled.transpose(0, 2, 1)
 
 
-def _figures(errors: npt.NDArray[np.floating]) -> dict[str, float]:
+def _figures(errors: Floats) -> dict[str, float]:
     flat = np.abs(errors.astype(np.float64)).ravel()
     return {
         "rms": float(np.sqrt(np.mean(flat**2))),

@@ -12,9 +12,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
-from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, ChunkType, IntraKind, Tool
+from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, ChunkType, IntraKind
 from dfcgs_codec.bitstream.frame_headers import (
-    InterHeader,
     IntraHeader,
     IntraSteps,
     SortGrid,
@@ -23,12 +22,12 @@ from dfcgs_codec.bitstream.frame_headers import (
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
-from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.frame.decoder import SequenceDecoder
-from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.frame.limits import UNLIMITED
-from dfcgs_codec.codec.frame.topology import TopologySymbols, code_topology
-from dfcgs_codec.codec.motion.walk import FOLLOW, MotionSymbols, code_motion
+from dfcgs_codec.codec.frame.topology import TopologyGoal
+from dfcgs_codec.codec.frame.walk import MotionGoal
+from dfcgs_codec.codec.motion.walk import FOLLOW, MotionSymbols
 from dfcgs_codec.codec.residual.classes import (
     DENSE,
     AttributeActivity,
@@ -36,9 +35,8 @@ from dfcgs_codec.codec.residual.classes import (
     num_blocks,
     num_inter_columns,
 )
-from dfcgs_codec.codec.residual.walk import InterShape, code_inter
-from dfcgs_codec.codec.state.planes import FrameState
-from dfcgs_codec.encoder.columns.writer import SymbolWriter
+from dfcgs_codec.encoder.frame.chunk_writer import FrameWriter
+from dfcgs_codec.encoder.frame.frame_coding import coded_inter, topology_goal
 from dfcgs_codec.encoder.intra.intra_plan import IntraTarget
 from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
 from dfcgs_codec.model.registry import context_model
@@ -63,7 +61,6 @@ print(json.dumps([frames, error, int(peak.split()[1]) / 1024, time.process_time(
 """
 #: no more bytes than this
 MOST_BYTES = 10_000
-Part = tuple[int, bytes]
 
 
 def alike(count: int, sh_degree: int = 0) -> GaussianCloud:
@@ -106,23 +103,15 @@ def with_intra(data: bytes, **changes: object) -> bytes:
     chunks = split_chunks(data)
     sequence = SequenceHeader.read(ByteReader(chunks[0].payload))
     intra = next(c for c in chunks if c.chunk_type == ChunkType.INTRA_FRAME)
-    header = IntraHeader.read(ByteReader(intra.payload), sequence)
-    header = replace(header, lengths=(0,) * len(header.lengths), **changes)
-    return join_chunks([chunks[0], replace(intra, payload=_bytes(header))])
+    header = replace(IntraHeader.read(ByteReader(intra.payload), sequence), **changes)
+    lengths = bytes(len(header.streams(sequence.sh_degree)))
+    return join_chunks([chunks[0], replace(intra, payload=_bytes(header) + lengths)])
 
 
-def _bytes(header: SequenceHeader | IntraHeader | InterHeader | TopologyHeader | MotionHeader) -> bytes:
+def _bytes(header: SequenceHeader | IntraHeader) -> bytes:
     writer = ByteWriter()
     header.write(writer)
     return writer.getvalue()
-
-
-def _streams(writers: list[SymbolWriter]) -> bytes:
-    streams = [writer.getvalue() for writer in writers]
-    lengths = ByteWriter()
-    for stream in streams:
-        lengths.uvarint(len(stream))
-    return lengths.getvalue() + b"".join(streams)
 
 
 @dataclass(frozen=True)
@@ -144,94 +133,64 @@ class Crafted:
         self._model = context_model(self._sequence.model_id)
         header = IntraHeader.read(ByteReader(self._intra.payload), self._sequence)
         (frame,) = SequenceDecoder(BytesIO(base), limits=UNLIMITED).frames()
-        setup = GofSetup(header.control, self._sequence.unit_exponents, self._model)
-        self._state = GofState.of_intra(frame.state.on_grid(), setup, header.steps)
-        self._frames: list[list[Part]] = []
+        units, on_grid = self._sequence.unit_exponents, frame.state.on_grid()
+        self._state = GofState.of_intra(on_grid, header.control, header.steps, units, self._model)
+        self._frames: list[FrameWriter] = []
         self._attributes = coded_attributes(self._sequence.sh_degree)
 
     def data(self) -> bytes:
         """The file so far."""
         numbers = FrameNumbers(((0, len(self._frames) + 1),))
         first = Chunk(ChunkType.SEQUENCE_HEADER, 0, _bytes(replace(self._sequence, frame_numbers=numbers)))
-        parts = [Chunk(t, i, p) for i, frame in enumerate(self._frames, 1) for t, p in frame]
+        frames = enumerate(self._frames, 1)
+        parts = [Chunk(c.kind, index, c.payload()) for index, frame in frames for c in frame.chunks]
         return join_chunks([first, self._intra, *parts])
 
     def add(self, kind: Kind) -> None:
         """Append a P-frame."""
-        tools: set[Tool] = set()
-        parts: list[Part] = []
-        births = None
-        if kind.births:
-            tools.add(Tool.TOPOLOGY)
-            births, payload = self._replaced(kind.births)
-            parts.append((ChunkType.TOPOLOGY, payload))
-        moved = None
-        if kind.motion:
-            tools.add(Tool.MOTION)
-            moved, payload = self._motion()
-            parts.append((ChunkType.MOTION, payload))
-        steps = dict.fromkeys(self._attributes, 1) if kind.residual else {}
-        symbols = InterSymbols()
-        if steps:
-            symbols, payload = self._residual(moved)
-            parts.append((ChunkType.RESIDUAL, payload))
-        self._state = self._state.after(self._state.frame, symbols, None)
-        if moved is not None:
-            self._state = replace(self._state, moved=replace(self._state.motion(), symbols=moved))
-        if births is not None:
-            places = self._state.places_of_births(births)
-            self._state = self._state.with_births(births, places)
-        header = InterHeader(self._state.frame.hash(), frozenset(tools), steps)
-        self._frames.append([(ChunkType.INTER_FRAME, _bytes(header)), *parts])
+        topology = self._replaced(kind.births) if kind.births else None
+        state = self._state if topology is None else self._state.survivors(topology.kept)
+        motion = self._motion(state) if kind.motion else None
+        symbols = self._residual(state) if kind.residual else InterSymbols()
+        writer = FrameWriter(self._sequence, self._model, len(self._frames) + 1)
+        steps = dict.fromkeys(self._attributes, 1), {}
+        coded = coded_inter(writer, symbols, self._state, steps, motion, topology)
+        self._frames.append(writer)
+        self._state = coded.state
 
-    def _replaced(self, count: int) -> tuple[FrameState | None, bytes]:
+    def _replaced(self, count: int) -> TopologyGoal:
         """All Gaussians but one go, `count` come."""
         n = self._state.frame.num_gaussians
         units = self._sequence.unit_exponents
         steps = IntraSteps(
             dict.fromkeys(self._attributes, 1), 0, dict.fromkeys(self._attributes, 0), 0, frozenset()
         )
-        header = TopologyHeader(n - 1, False, count, SortGrid(0, 0, (0, 0, 0), False), steps)
         planes = {a: np.zeros((count, STATE_COLUMNS[a]), np.int64) for a in self._attributes}
         planes[Attribute.ROTATION][:, 0] = ONE
-        writers: list[SymbolWriter] = []
         quantisation = Quantisation(units, steps.steps, frozenset(), {}, frozenset())
         none = np.zeros(count, np.int64)
-        births = IntraTarget(planes, planes[Attribute.POSITION], none, steps, quantisation, 0.5)
-        target = TopologySymbols(np.arange(1), births)
-        kept, came = code_topology(lambda: _opened(writers), target, header, (n, units))
-        self._state = self._state.survivors(kept)
-        return came, _bytes(header) + _streams(writers)
+        grid = SortGrid(0, 0, (0, 0, 0), False)
+        births = IntraTarget(planes, planes[Attribute.POSITION], none, steps, grid, quantisation, 0.5)
+        return topology_goal(np.arange(1), n, births)
 
-    def _motion(self) -> tuple[MotionSymbols, bytes]:
+    def _motion(self, state: GofState) -> MotionGoal:
         """All follow control points that stand still."""
-        motion, n = self._state.motion(), self._state.frame.num_gaussians
+        motion, n = state.motion(), state.frame.num_gaussians
         header = MotionHeader(1, 1)
         symbols = MotionSymbols.none(motion.field.num_points, n)
         symbols = replace(symbols, modes=symbols.modes + FOLLOW, follows=np.ones(n, np.bool_))
-        writers: list[SymbolWriter] = []
-        shape = motion.shape(header, self._model)
-        code_motion(lambda: _opened(writers), symbols, motion.symbols, shape)
-        return symbols, _bytes(header) + _streams(writers)
+        return MotionGoal(header, symbols, motion.carry(header, symbols, state.frame))
 
-    def _residual(self, moved: MotionSymbols | None) -> tuple[InterSymbols, bytes]:
+    def _residual(self, state: GofState) -> InterSymbols:
         """Symbols of all Gaussians, all zero."""
-        n = self._state.frame.num_gaussians
-        blocks = num_blocks(n)
-        activity = {
-            a: replace(AttributeActivity.none(n, num_inter_columns(a)), density=np.full(blocks, DENSE))
-            for a in self._attributes
-        }
-        writers: list[SymbolWriter] = []
-        prior, modes = self._state.prior({}, moved), None if moved is None else moved.modes
-        shape = InterShape(self._attributes, n, self._state.levels, prior, modes)
-        coded = code_inter(lambda: _opened(writers), InterSymbols(activity), self._state.history, shape)
-        return coded, _streams(writers)
-
-
-def _opened(writers: list[SymbolWriter]) -> SymbolWriter:
-    writers.append(SymbolWriter())
-    return writers[-1]
+        n = state.frame.num_gaussians
+        density = np.full(num_blocks(n), DENSE)
+        return InterSymbols(
+            {
+                a: replace(AttributeActivity.none(n, num_inter_columns(a)), density=density)
+                for a in self._attributes
+            }
+        )
 
 
 def repeated(base: bytes, kind: Kind, most: int) -> bytes:

@@ -14,12 +14,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.render import Camera, render, ssim
 
-Float32 = npt.NDArray[np.float32]
 #: a pixel counts where either image is less transparent than this
 VISIBLE_ALPHA = 1.0 / 255.0
 

@@ -23,6 +23,7 @@ _PACKAGES = (
     "gaussforge",
     "splats4d",
     "fourdgs",
+    "wasmtime",
     "bjontegaard",
 )
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from dfcgs_codec.array_types import Float32
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.ply import read_ply
 from lab.record import REPOSITORY
@@ -21,7 +21,7 @@ def make_cloud(n: int, sh_degree: int = 0, seed: int = 0) -> GaussianCloud:
     """Independent Gaussians in a ball of radius about 2, sizes around exp(-4)."""
     rng = np.random.default_rng(seed)
 
-    def normal(*shape: int) -> npt.NDArray[np.float32]:
+    def normal(*shape: int) -> Float32:
         return rng.normal(size=shape).astype(np.float32)
 
     return GaussianCloud(

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from dfcgs_codec import GaussianCloud
+from dfcgs_codec.array_types import Floats
 from dfcgs_codec.views.camera import ViewCamera, Views
 from lab.small_clouds import joined, make_cloud
-
-Float64 = npt.NDArray[np.float64]
 
 #: Gaussians along a side of a wall; walls stand at -1 and 1
 SIDE = 14
@@ -39,9 +37,7 @@ def looking(
     return ViewCamera(*size, focal, focal, size[0] / 2, size[1] / 2, pose)
 
 
-def gaussians(
-    positions: npt.NDArray[np.floating], deviation: float, alpha: float, seed: int = 0
-) -> GaussianCloud:
+def gaussians(positions: Floats, deviation: float, alpha: float, seed: int = 0) -> GaussianCloud:
     """Coloured balls of that size and opacity at `positions` (N, 3)."""
     cloud = make_cloud(len(positions), 0, seed)
     return replace(

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.assets import find_asset, has_asset
 from lab.render.camera import Camera, look_at, orbit
@@ -34,12 +34,12 @@ FEW = (0, 3, 6)
 _UP = {"+y": (0.0, 1.0, 0.0), "-y": (0.0, -1.0, 0.0)}
 
 
-def central_box(cloud: GaussianCloud) -> npt.NDArray[np.float64]:
+def central_box(cloud: GaussianCloud) -> Float64:
     """(2, 3) lower and upper corner around the central 98 % along each axis."""
     return np.percentile(cloud.positions.astype(np.float64), [1.0, 99.0], axis=0)
 
 
-def _fill(camera: Camera, corners: npt.NDArray[np.float64]) -> float:
+def _fill(camera: Camera, corners: Float64) -> float:
     """Share of the image that the corners (8, 3) span; infinite where one is not before the camera."""
     seen = corners @ camera.world_to_camera[:3, :3].T + camera.world_to_camera[:3, 3]
     if seen[:, 2].min() <= 0.0:
@@ -49,7 +49,7 @@ def _fill(camera: Camera, corners: npt.NDArray[np.float64]) -> float:
     return float(max(across, upright))
 
 
-def framing_camera(box: npt.NDArray[np.float64], angles: tuple[float, float], up: str) -> Camera:
+def framing_camera(box: Float64, angles: tuple[float, float], up: str) -> Camera:
     """The camera in that direction at which the box fills FILL of the image."""
     middle, size = box.mean(axis=0), float(np.linalg.norm(box[1] - box[0])) or 1.0
     corners = np.array(list(product(*box.T)))
@@ -61,7 +61,7 @@ def framing_camera(box: npt.NDArray[np.float64], angles: tuple[float, float], up
     return camera
 
 
-def _entry(camera: Camera, middle: npt.NDArray[np.float64], up: str) -> dict[str, Any]:
+def _entry(camera: Camera, middle: Float64, up: str) -> dict[str, Any]:
     return {
         "eye": np.round(camera.position, 6).tolist(),
         "target": np.round(middle, 6).tolist(),

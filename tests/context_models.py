@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int32, Integers
 from dfcgs_codec.entropy.symbols import EXPLICIT_REACH
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, frequencies_from_weights
 from dfcgs_codec.model.context_model import (
@@ -31,15 +31,15 @@ WIDTHS = {
 }
 
 
-def _frequencies(rng: np.random.Generator, rows: int, size: int) -> npt.NDArray[np.int32]:
+def _frequencies(rng: np.random.Generator, rows: int, size: int) -> Int32:
     weights = rng.integers(1, 1000, (rows, size)) ** 2
     return np.array([frequencies_from_weights(row) for row in weights]).astype(np.int32)
 
 
-def random_arrays(seed: int = 0) -> dict[str, npt.NDArray[np.integer]]:
+def random_arrays(seed: int = 0) -> dict[str, Integers]:
     """The arrays of a model whose networks have one hidden layer and whose classes are all in use."""
     rng = np.random.default_rng(seed)
-    arrays: dict[str, npt.NDArray[np.integer]] = {}
+    arrays: dict[str, Integers] = {}
     for name, (inputs, classes) in WIDTHS.items():
         for index, widths in enumerate(((inputs, _HIDDEN), (_HIDDEN, 1))):
             arrays[f"{name}.{index}.weight"] = rng.integers(-60, 61, widths[::-1]).astype(np.int16)

@@ -5,17 +5,20 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 from plyfile import PlyData, PlyElement
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import ChunkType
 from dfcgs_codec.bitstream.container import ContainerReader
 from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
@@ -25,13 +28,25 @@ from dfcgs_codec.codec.frame.decoder import DecodedFrame
 from dfcgs_codec.encoder.columns.writer import SymbolWriter
 from dfcgs_codec.encoder.frame.report import EncodeReport
 from dfcgs_codec.ply import property_names
+from tests.troubles.situations import run
 
 ROOT = Path(__file__).resolve().parents[1]
 #: the 24 turns that carry a Gaussian's axes onto its axes
 OCTAHEDRAL = Rotation.create_group("O")
 
-Int64 = npt.NDArray[np.int64]
+#: a medium quality, or nearly so, without the search for it
+QUICK = EncoderOptions(qp=27)
+
 _T = TypeVar("_T")
+
+
+def taking_turns(first: Sequence[Any], second: Sequence[Any]) -> list[Any]:
+    """All pairs for `parametrize`; each of `first` with one of `second` in turn, the others are slow."""
+    return [
+        pytest.param(a, b, marks=() if turn == place % len(second) else pytest.mark.slow)
+        for place, a in enumerate(first)
+        for turn, b in enumerate(second)
+    ]
 
 
 # --- encode and decode --------------------------------------------------------------------------------
@@ -41,7 +56,7 @@ def encode(
     frames: Sequence[GaussianCloud] | Path, path: Path, options: EncoderOptions | None = None
 ) -> EncodeReport:
     """Encode to `path`, whatever was there."""
-    return encode_sequence(frames, path, options, force=True)
+    return encode_sequence(frames, path, options or QUICK, force=True)
 
 
 def decode(path: Path, start: int = 0, stop: int | None = None) -> list[DecodedFrame]:
@@ -136,13 +151,13 @@ def turns(cloud: GaussianCloud) -> Rotation:
     return Rotation.from_quat(cloud.rotations.astype(np.float64)[:, [1, 2, 3, 0]])
 
 
-def covariances(cloud: GaussianCloud) -> npt.NDArray[np.float64]:
+def covariances(cloud: GaussianCloud) -> Float64:
     """Covariance (N, 3, 3) of each Gaussian."""
     axes = turns(cloud).as_matrix() * np.exp(cloud.scales.astype(np.float64))[:, None, :]
     return axes @ axes.transpose(0, 2, 1)
 
 
-def alphas(cloud: GaussianCloud) -> npt.NDArray[np.float64]:
+def alphas(cloud: GaussianCloud) -> Float64:
     """Opacity of each Gaussian, 0 to 1."""
     return 1 / (1 + np.exp(-cloud.opacities.astype(np.float64)))
 
@@ -154,14 +169,12 @@ def match(source: GaussianCloud, decoded: GaussianCloud) -> Int64:
     return index
 
 
-def rotation_degrees(source: GaussianCloud, decoded: GaussianCloud) -> npt.NDArray[np.float64]:
+def rotation_degrees(source: GaussianCloud, decoded: GaussianCloud) -> Float64:
     """Angle between equal indices, the names of the axes being the same."""
     return np.degrees((turns(source).inv() * turns(decoded)).magnitude())
 
 
-def shape_errors(
-    source: GaussianCloud, decoded: GaussianCloud
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def shape_errors(source: GaussianCloud, decoded: GaussianCloud) -> tuple[Float64, Float64]:
     """Angle in degrees (N,) and log-scale error (N, 3), whatever the axes are called."""
     relative = turns(source).inv() * turns(decoded)
     angles = np.stack([(relative * turn.inv()).magnitude() for turn in OCTAHEDRAL])
@@ -187,5 +200,15 @@ def run_python(*arguments: str, **environment: str) -> subprocess.CompletedProce
 
 
 def dfcgs(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """`dfcgs` in this process, which takes no longer than the work itself.
+
+    A warning of numpy's, which a user would read, is an error.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        return subprocess.CompletedProcess(arguments, *run(*arguments))
+
+
+def dfcgs_process(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """`dfcgs` in a fresh process."""
     return run_python("-m", "dfcgs_codec", *map(str, arguments))

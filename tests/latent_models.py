@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Integers
 from dfcgs_codec.model.latent_model import HYPER_REACH, NUM_LATENTS, WIDTHS, LatentModel
 
 _HIDDEN = 24
 
 
-def random_arrays(
-    seed: int = 0, *, without: tuple[str, ...] = (), gain: int = 40
-) -> dict[str, npt.NDArray[np.integer]]:
+def random_arrays(seed: int = 0, *, without: tuple[str, ...] = (), gain: int = 40) -> dict[str, Integers]:
     """The arrays of a model whose networks have one hidden layer."""
     rng = np.random.default_rng(seed)
-    arrays: dict[str, npt.NDArray[np.integer]] = {}
+    arrays: dict[str, Integers] = {}
     for name, (inputs, outputs) in WIDTHS.items():
         if name in without:
             continue

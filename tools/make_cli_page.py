@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from dfcgs_codec.cli import cli
-from dfcgs_codec.cli.groups import GroupedCommand
+from dfcgs_codec.cli.encode_options import GroupedCommand
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "cli.md"
 _WIDTH = 120

@@ -1,6 +1,7 @@
 """Write the conformance streams: `make golden`.
 
-Valid streams with the hash and the PLY bytes of every frame, faulty ones with the error that refuses them.
+Valid and uncommon streams with the hash and the PLY bytes of every frame, faulty ones with the error that
+refuses them, and traces of some. tests/conformance/README.md says what they are for.
 Released streams are frozen: only those that are missing are added. --new-version writes all of them anew and
 belongs to a new version of the bitstream.
 """
@@ -35,18 +36,19 @@ from dfcgs_codec.bitstream.constants import (
     Profile,
     Tool,
 )
-from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
+from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, read_lengths
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader
 from dfcgs_codec.codec.frame.decoder import SequenceDecoder
 from dfcgs_codec.encoder.plan.tuning import MotionMode, RefinementMode
-from dfcgs_codec.model.registry import installed
+from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model, installed
 from dfcgs_codec.ply import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 from lab import small_room as rooms  # noqa: E402
 from lab.chunks import Chunk, join_chunks, split_chunks  # noqa: E402
+from lab.legal_streams import random_file  # noqa: E402
 from lab.options import encoder_options  # noqa: E402
 from lab.small_clouds import (  # noqa: E402
     FIELDS,
@@ -65,8 +67,26 @@ from lab.small_clouds import (  # noqa: E402
     waving,
     with_outliers,
 )
+from tools import traces  # noqa: E402
 
 FOLDER = ROOT / "tests" / "conformance"
+#: seeds of `lab.legal_streams` whose files combine what encoders hardly ever do, and are small
+UNCOMMON = (7, 11, 14, 24, 31, 38, 44, 49, 60, 62, 63, 65, 66, 74, 86, 92, 94, 97, 102, 106)
+#: valid streams with a trace: each part of the format, few bytes
+TRACED = (
+    "single_gaussian",
+    "skipped_frames_sh0",
+    "every_gof_a_frame",
+    "tracked_sh2",
+    "two_quantisers_but_for_scales",
+    "cover_classes",
+    "motion",
+    "births_and_deaths",
+    "input_order_topology",
+    "escapes_of_still_ones",
+    "verbatim_sh1",
+    "paper_refined",
+)
 PAPER = EncoderOptions(profile=Profile.PAPER)
 MAIN = encoder_options()
 Sequence = tuple[list[GaussianCloud], EncoderOptions]
@@ -376,8 +396,22 @@ def _without(data: bytes, chunk_type: int) -> bytes:
     return join_chunks(kept)
 
 
-def _longer(header: IntraHeader) -> IntraHeader:
-    return replace(header, lengths=(*header.lengths[:-1], header.lengths[-1] + 8))
+def _with_spare_words(data: bytes) -> bytes:
+    """The last stream of the I-frame with eight bytes that no symbol needs."""
+    sequence = SequenceHeader.read(ByteReader(split_chunks(data)[0].payload))
+
+    def rewrite(chunk: Chunk) -> Chunk:
+        if chunk.chunk_type != ChunkType.INTRA_FRAME:
+            return chunk
+        reader, writer = ByteReader(chunk.payload), ByteWriter()
+        header = IntraHeader.read(reader, sequence)
+        header.write(writer)
+        *lengths, last = read_lengths(reader, header.streams(sequence.sh_degree)).values()
+        for length in [*lengths, last + 8]:
+            writer.uvarint(length)
+        return replace(chunk, payload=writer.getvalue() + reader.raw(reader.remaining) + bytes(8))
+
+    return _chunks_with(data, rewrite)
 
 
 def _crowded(header: IntraHeader) -> IntraHeader:
@@ -436,7 +470,7 @@ def more_faulty_streams(valid: bytes, moving: bytes) -> dict[str, tuple[bytes, s
             _with_rotation_step(_finely_turned(), STATE_LIMIT),
             "CorruptBitstream",
         ),
-        "spare_words": (_changed_intra(valid, _longer, bytes(8)), "CorruptBitstream"),
+        "spare_words": (_with_spare_words(valid), "CorruptBitstream"),
         "spare_bytes": (_changed_intra(valid, lambda h: h, bytes(4)), "CorruptBitstream"),
         "coarse_opacity": (_with_units(valid, opacity=-10), "LimitExceeded"),
         "far_origin": (_with_units(valid, origin=(0, MAX_ORIGIN + 1, 0)), "LimitExceeded"),
@@ -550,6 +584,14 @@ def _read(name: str) -> bytes:
     return (FOLDER / "valid" / f"{name}.dgs").read_bytes()
 
 
+def _annexes(path: Path) -> list[str]:
+    """Annexes of the specification that a decoder needs beside the baseline."""
+    chunks = split_chunks(path.read_bytes())
+    kinds = {chunk.payload[16] for chunk in chunks if chunk.chunk_type == ChunkType.INTRA_FRAME}
+    is_paper = SequenceHeader.read(ByteReader(chunks[0].payload)).profile == Profile.PAPER
+    return ["A"] * (IntraKind.PLY in kinds) + ["B"] * is_paper
+
+
 def _derived() -> dict[str, bytes]:
     """Valid streams made from others."""
     return {
@@ -567,9 +609,33 @@ def _make_valid(expected: dict[str, object]) -> None:
     for name, data in _derived().items():
         if name not in expected:
             (FOLDER / "valid" / f"{name}.dgs").write_bytes(data)
-    for path in sorted((FOLDER / "valid").glob("*.dgs")):
+    _expect("valid", expected)
+
+
+def _make_uncommon(expected: dict[str, object]) -> None:
+    model = context_model(DEFAULT_PRIOR)
+    for seed in UNCOMMON:
+        if f"seed_{seed}" not in expected:
+            (FOLDER / "uncommon" / f"seed_{seed}.dgs").write_bytes(random_file(seed, model, num_frames=4))
+    _expect("uncommon", expected)
+
+
+def _expect(kind: str, expected: dict[str, object]) -> None:
+    """Write down what new streams decode to."""
+    for path in sorted((FOLDER / kind).glob("*.dgs")):
         if path.stem not in expected:
-            expected[path.stem] = _expectation(path)
+            expected[path.stem] = {"annexes": _annexes(path), **_expectation(path)}
+
+
+def _make_traces(*, new_version: bool) -> int:
+    """Write the traces that are missing, or all; returns how many."""
+    written = 0
+    for name in TRACED:
+        path = FOLDER / "traces" / f"{name}.json"
+        if new_version or not path.exists():
+            path.write_text(traces.as_text(traces.trace(_read(name))))
+            written += 1
+    return written
 
 
 def _make_faulty(expected: dict[str, object]) -> None:
@@ -596,19 +662,20 @@ def _make_faulty(expected: dict[str, object]) -> None:
 def make(*, new_version: bool) -> int:
     """Write the streams that are missing, or all, and what is expected of them; returns how many."""
     path = FOLDER / "expected.json"
-    expected: dict[str, dict[str, object]] = {"valid": {}, "faulty": {}}
+    expected: dict[str, dict[str, object]] = {"valid": {}, "uncommon": {}, "faulty": {}}
     if path.exists() and not new_version:
         known = json.loads(path.read_text())
         if known["bitstream_version"] != BITSTREAM_VERSION:
             raise SystemExit(f"{path} is of another bitstream version; --new-version replaces all streams")
-        expected = {kind: known[kind] for kind in expected}
+        expected = {kind: known.get(kind, {}) for kind in expected}
     before = sum(map(len, expected.values()))
-    for name in expected:
+    for name in (*expected, "traces"):
         (FOLDER / name).mkdir(parents=True, exist_ok=True)
     _make_valid(expected["valid"])
+    _make_uncommon(expected["uncommon"])
     _make_faulty(expected["faulty"])
     path.write_text(json.dumps({"bitstream_version": BITSTREAM_VERSION} | expected, indent=1) + "\n")
-    return sum(map(len, expected.values())) - before
+    return sum(map(len, expected.values())) - before + _make_traces(new_version=new_version)
 
 
 def main() -> int:
@@ -616,7 +683,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--new-version", action="store_true", help="replace the streams that exist")
     written = make(new_version=parser.parse_args().new_version)
-    print(f"{written} streams written to {FOLDER}; those that existed are frozen", file=sys.stderr)
+    print(f"{written} streams and traces written to {FOLDER}; those that existed are frozen", file=sys.stderr)
     return 0
 
 

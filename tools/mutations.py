@@ -16,6 +16,7 @@ from dfcgs_codec.bitstream.frame_headers import (
     IntraSteps,
     SortGrid,
     coded_attributes,
+    read_lengths,
 )
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.motion_header import LatentHeader, MotionHeader, SpreadHeader
@@ -80,7 +81,7 @@ def _changed_group(rng: Rng, value: Any) -> Any:
 
 @dataclass(frozen=True)
 class _Parsed:
-    """A payload taken apart: its header, the lengths of its streams where they are not in it, the rest."""
+    """A payload taken apart: its header, the lengths of its streams, the rest."""
 
     header: Any
     lengths: tuple[int, ...]
@@ -102,17 +103,15 @@ def _parse(chunk: Chunk, sequence: SequenceHeader) -> _Parsed | None:
         ChunkType.SEQUENCE_HEADER: lambda: SequenceHeader.read(reader),
         ChunkType.INTRA_FRAME: lambda: IntraHeader.read(reader, sequence),
         ChunkType.INTER_FRAME: lambda: InterHeader.read(reader, sequence),
-        ChunkType.TOPOLOGY: lambda: TopologyHeader.read(reader, sequence),
+        ChunkType.TOPOLOGY: lambda: TopologyHeader.read(reader, sequence, sequence.limits.max_gaussians),
         ChunkType.MOTION: lambda: _read_motion(reader, sequence),
     }
     if chunk.chunk_type not in read:
         return None
     try:
         header = read[chunk.chunk_type]()
-        count = 2 if isinstance(header, MotionHeader) else 0
-        if isinstance(header, TopologyHeader):
-            count = header.num_streams(sequence.sh_degree)
-        lengths = tuple(reader.uvarint() for _ in range(count))
+        names = [] if isinstance(header, SequenceHeader) else header.streams(sequence.sh_degree)
+        lengths = tuple(read_lengths(reader, names or []).values())
     except BitstreamError:
         return None
     return _Parsed(header, lengths, reader.raw(reader.remaining))
@@ -120,8 +119,8 @@ def _parse(chunk: Chunk, sequence: SequenceHeader) -> _Parsed | None:
 
 def _read_motion(reader: ByteReader, sequence: SequenceHeader) -> MotionHeader | LatentHeader:
     if sequence.profile.name == "PAPER":
-        return LatentHeader.read(reader)
-    return MotionHeader.read(reader)
+        return LatentHeader.read(reader, sequence)
+    return MotionHeader.read(reader, sequence)
 
 
 def _field(rng: Rng, chunks: list[Chunk], sequence: SequenceHeader) -> list[Chunk]:
@@ -145,7 +144,7 @@ def _with_options(rng: Rng, header: Any, sequence: SequenceHeader) -> Any:
     """Now and then a part that was absent."""
     if rng.random() > 0.1:
         return header
-    if isinstance(header, MotionHeader):
+    if isinstance(header, LatentHeader):
         return replace(header, spread=SpreadHeader(rng.randrange(1, 129), rng.randrange(-28, 29)))
     if isinstance(header, TopologyHeader):
         attributes = coded_attributes(sequence.sh_degree)

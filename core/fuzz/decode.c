@@ -1,6 +1,7 @@
-/* Decodes files to their end, hashes not checked: for libFuzzer, and, with files as arguments, on its own.
+/* Decodes files to their end: for libFuzzer, and, with files as arguments, on its own.
 
-   DFCGS_WORDS names a file with the model's words and DFCGS_HASH its hash in hexadecimal (tools/fuzz_core.py sets both). */
+   DFCGS_WORDS names a file with the model's words and DFCGS_HASH its hash in hexadecimal (tools/fuzz_core.py
+   sets both). */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -9,8 +10,7 @@
 
 enum { ARENA = 1 << 30 };
 
-static int32_t *words;
-static uint32_t num_words;
+static dfcgs_decoder opened; /* with the model, before any file */
 static uint8_t *arena, hash[DFCGS_MODEL_HASH_BYTES];
 
 static uint8_t *read_file(const char *name, size_t *size) {
@@ -27,19 +27,20 @@ static uint8_t *read_file(const char *name, size_t *size) {
 
 static void set_up(void) {
     size_t size;
-    if (words) return;
-    words = (int32_t *)read_file(getenv("DFCGS_WORDS"), &size);
-    num_words = (uint32_t)(size / 4);
+    if (arena) return;
+    int32_t *words = (int32_t *)read_file(getenv("DFCGS_WORDS"), &size);
     for (int i = 0; i < DFCGS_MODEL_HASH_BYTES; i++) sscanf(getenv("DFCGS_HASH") + 2 * i, "%2hhx", &hash[i]);
     arena = malloc(ARENA);
+    opened.arena = (dfcgs_arena){.base = arena, .size = ARENA};
+    if (dfcgs_open(&opened, words, (uint32_t)(size / 4))) abort();
+    free(words);
 }
 
 static int decode(const uint8_t *data, size_t size, dfcgs_decoder *decoder, int *num_frames) {
     dfcgs_file file;
     dfcgs_output output;
     int is_there = 1;
-    *decoder = (dfcgs_decoder){.arena = {.base = arena, .size = ARENA}};
-    DFCGS_TRY(dfcgs_open(decoder, words, num_words));
+    *decoder = opened;
     DFCGS_TRY(dfcgs_open_file(&file, decoder, data, size, hash));
     decoder->budget.max_memory = ARENA;
     decoder->budget.max_gaussians = -1;
@@ -68,7 +69,8 @@ int main(int count, char **names) {
         int num_frames = 0;
         uint8_t *data = read_file(names[i], &size);
         int status = decode(data, size, &decoder, &num_frames);
-        printf("%s: status %d at %lld, %d frames\n", names[i], status, (long long)decoder.error.offset, num_frames);
+        printf("%s: status %d at %lld, %d frames\n", names[i], status, (long long)decoder.error.offset,
+               num_frames);
         if (status == DFCGS_MISUSE) abort();
         free(data);
     }

@@ -14,10 +14,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
-UInt16 = npt.NDArray[np.uint16]
+from dfcgs_codec.array_types import Int64, UInt16
 
 BITS = 12
 _FOLD = 1 << BITS

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
+from dfcgs_codec.array_types import Int64
 
 
 def pack(values: Int64) -> bytes:

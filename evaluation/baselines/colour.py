@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Float64
 from dfcgs_codec.encoder.plan.quantiser_steps import SH_C0
-from dfcgs_codec.gaussians import Float32
 from evaluation.baselines.spz import ALPHA_RANGE
-
-Float64 = npt.NDArray[np.float64]
 
 
 def rgb_of(sh_dc: Float32) -> Float64:

@@ -10,7 +10,8 @@ import struct
 import numpy as np
 import zstandard
 
-from evaluation.baselines.byte_planes import Int64, pack, unpack
+from dfcgs_codec.array_types import Int64
+from evaluation.baselines.byte_planes import pack, unpack
 
 REQUIREMENT = "zstandard==0.25.0"
 _LEVEL = 19

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute
 from dfcgs_codec.codec.state.planes import FrameState, Plane
 from dfcgs_codec.transform.rotation import ONE, round_divide
 from evaluation.baselines import smallest_three
-from evaluation.baselines.smallest_three import Float64, Int64
 
 Planes = dict[Attribute, Int64]
 

@@ -16,14 +16,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import zstandard
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute
 from dfcgs_codec.transform.rotation import ONE, round_divide
 from evaluation.baselines.byte_planes import pack
 
-Int64 = npt.NDArray[np.int64]
 Planes = dict[Attribute, Int64]
 
 _LEVEL = 19

@@ -14,12 +14,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from dfcgs_codec.gaussians import Float32, GaussianCloud
+from dfcgs_codec.array_types import Float32, Float64
+from dfcgs_codec.gaussians import GaussianCloud
 from evaluation.baselines.colour import alpha_of, logit_of, rgb_of, sh_dc_of
-
-Float64 = npt.NDArray[np.float64]
 
 _ROW = np.dtype([("position", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("rotation", "u1", 4)])
 

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.gaussians import GaussianCloud
 from evaluation.baselines.colour import alpha_of, logit_of, rgb_of, sh_dc_of
 from evaluation.baselines.frames import identities, pinned, read_frames, write_frames
@@ -38,8 +38,6 @@ _LEVEL = 19
 _PERIOD = 1 / 30
 #: the temporal extent must be finite; so long that opacity never fades
 _EXTENT = 1e6
-
-Int64 = npt.NDArray[np.int64]
 
 
 def _module(name: str) -> Any:

@@ -9,8 +9,8 @@ from importlib import metadata
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation, plan_quantisation
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
@@ -51,7 +51,7 @@ def concatenated(clouds: Sequence[GaussianCloud]) -> GaussianCloud:
     return GaussianCloud(*(np.concatenate([getattr(c, name) for c in clouds]) for name in names))
 
 
-def identities(folder: Path, clouds: Sequence[GaussianCloud]) -> list[npt.NDArray[np.int64]]:
+def identities(folder: Path, clouds: Sequence[GaussianCloud]) -> list[Int64]:
     """True identity (N,) of each Gaussian of each frame: `ids.npz`, else the index where N is constant.
 
     `ids.npz` holds ids_0000, ids_0001, ...; MethodRefused where there is none and N changes.

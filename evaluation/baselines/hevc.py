@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, STEREO_FRACTION_BITS, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.state.planes import FrameState, Plane, output
@@ -28,7 +29,7 @@ from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.transform.rotation import ONE, normalise, round_divide
 from evaluation.baselines import x265
-from evaluation.baselines.attribute_maps import BITS, Int64, Layout, fold, unfold
+from evaluation.baselines.attribute_maps import BITS, Layout, fold, unfold
 from evaluation.baselines.frames import planned, planned_version, read_frames, write_frames
 from evaluation.baselines.method import Method, MethodRefused, SequenceFacts
 

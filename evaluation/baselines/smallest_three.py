@@ -8,10 +8,8 @@ it positive: q and -q get the same bins.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
+from dfcgs_codec.array_types import Float64, Int64
 
 #: below half, the least that the largest component can be, so that a choice does not flicker
 KEPT_ABOVE = 0.4

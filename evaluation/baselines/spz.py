@@ -41,7 +41,8 @@ from typing import Any
 
 import numpy as np
 
-from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, Float32, GaussianCloud
+from dfcgs_codec.array_types import Float32
+from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 
 #: the pinned writer and reader; a wheel without dependencies
 REQUIREMENT = "gaussforge==0.6.0"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evaluation.baselines.attribute_maps import UInt16
+from dfcgs_codec.array_types import UInt16
 from evaluation.baselines.method import MethodRefused, MethodUnavailable
 
 #: what serves pictures only is off: psycho-visual weights, filters across edges, adaptive quantisation;

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.ply import read_ply
 from evaluation.experiments.i_frames.surroundings import views
 from lab.assets import find_asset
@@ -29,22 +29,22 @@ NUM_FRAMES = 8
 #: decibels that `high` promises, and below I-frames only, at most
 PROMISED, MOST_BELOW = 42.0, 1.0
 _LESS = 10.0
-Less = Callable[[GaussianCloud, int], npt.NDArray[np.float64]]
+Less = Callable[[GaussianCloud, int], Float64]
 
 
-def _half(cloud: GaussianCloud, frame: int) -> npt.NDArray[np.float64]:
+def _half(cloud: GaussianCloud, frame: int) -> Float64:
     return _LESS * (cloud.positions[:, 0] > np.median(cloud.positions[:, 0])) * (frame < 3)
 
 
-def _fade_in(cloud: GaussianCloud, frame: int) -> npt.NDArray[np.float64]:
+def _fade_in(cloud: GaussianCloud, frame: int) -> Float64:
     return np.full(cloud.num_gaussians, _LESS * (1 - frame / (NUM_FRAMES - 1)))
 
 
-def _fade_out(cloud: GaussianCloud, frame: int) -> npt.NDArray[np.float64]:
+def _fade_out(cloud: GaussianCloud, frame: int) -> Float64:
     return np.full(cloud.num_gaussians, _LESS * frame / (NUM_FRAMES - 1))
 
 
-def _bump(cloud: GaussianCloud, frame: int) -> npt.NDArray[np.float64]:
+def _bump(cloud: GaussianCloud, frame: int) -> Float64:
     """Each Gaussian shows about a moment of its own."""
     return _LESS * np.abs(frame - np.arange(cloud.num_gaussians) % NUM_FRAMES) / NUM_FRAMES
 

@@ -26,6 +26,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence, probe
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.encoder.frame import segment
 from dfcgs_codec.encoder.matching.identity import Members, Succession, found_members
 from dfcgs_codec.ply import write_ply
@@ -34,7 +35,6 @@ from evaluation.experiments.lost_order import OWN, TURNOVER, Identified, in_orde
 from evaluation.fresh import run_fresh
 from evaluation.sequences import WORK
 from lab.assets import present
-from lab.meshes.asset import Float64, Int64
 from lab.record import known_results, write_result
 from lab.scenes.catalogue import Scene, group
 

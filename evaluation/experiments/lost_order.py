@@ -14,9 +14,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.assets import find_asset
-from lab.meshes.asset import Float64, Int64
 from lab.scenes import rotations
 from lab.scenes.catalogue import Scene
 from lab.scenes.semi_tracked import SemiTrackedStatistics, semi_tracked_with_ids

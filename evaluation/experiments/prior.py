@@ -2,8 +2,8 @@
 
     python -m evaluation.experiments.prior FOLDER [--seconds]
 
-FOLDER holds the models (`<name>.npz`). Bytes of motion and residual for some scenes at QP 28, and seconds to
-decode, land in `evaluation/results/prior.json`.
+FOLDER holds the models (`<name>.weights`). Bytes of motion and residual for some scenes at QP 28, and seconds
+to decode, land in `evaluation/results/prior.json`.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def stream_bytes(frames: list[GaussianCloud], model_id: str, folder: Path) -> Fi
 
 def _registered(folder: Path) -> list[Path]:
     """The models of a folder, each known by its file's name."""
-    paths = sorted(folder.glob("*.npz"))
+    paths = sorted(folder.glob("*.weights"))
     for path in paths:
         model = load_model(path)
         assert isinstance(model, ContextModel)

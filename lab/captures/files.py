@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32
 from lab.assets import find_asset
 from lab.captures import keep
 from lab.render import Camera
 from lab.scenes.catalogue import scene as named_scene
-
-Float32 = npt.NDArray[np.float32]
 
 
 def folder(scene: str) -> Path:

@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
+from dfcgs_codec.array_types import Float32, UInt8
 from lab.captures.rigs import inria_cameras
 from lab.render import Camera
-
-UInt8 = npt.NDArray[np.uint8]
 
 CAMERAS, REPORT = "cameras.json", "fit.json"
 #: the images of every frame whose index is a multiple of this are kept
@@ -46,7 +44,7 @@ def write_report(folder: Path, rows: Sequence[dict[str, Any]]) -> None:
     (folder / REPORT).write_text("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
 
 
-def to_bytes(image: npt.NDArray[np.float32]) -> UInt8:
+def to_bytes(image: Float32) -> UInt8:
     """Display values 0 to 1 -> 0 to 255."""
     return np.round(np.clip(image, 0.0, 1.0) * 255.0).astype(np.uint8)
 

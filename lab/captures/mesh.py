@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from dfcgs_codec.array_types import Float64, Int64
 from lab.captures.rooms import FOLDER, Piece, Room, Triple
 from lab.captures.shell import shell_primitives
-from lab.meshes.asset import Asset, Float64, Int64, Primitive
+from lab.meshes.asset import Asset, Primitive
 from lab.meshes.gltf import load_asset
 from lab.meshes.posing import pose_vertices
 from lab.scenes.animated import clip_time, is_cyclic, select_clip

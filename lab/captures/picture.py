@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Float64, Int64
 from lab.captures.mesh import Mesh
 from lab.captures.raster import visible_faces
 from lab.captures.rooms import Room
 from lab.meshes.appearance import primitive_colors, to_srgb
-from lab.meshes.asset import Float64, Int64
 from lab.render import Camera
-
-Float32 = npt.NDArray[np.float32]
 
 #: each pixel is the mean of this many by as many
 OVERSAMPLING = 3

@@ -7,13 +7,10 @@ between them or not, wherever the corners are: before the camera, behind it, or 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from lab.meshes.asset import Float64
+from dfcgs_codec.array_types import Float64, Int32
 from lab.render.camera import Camera
 from lab.render.kernel import kernel
-
-Int32 = npt.NDArray[np.int32]
 
 #: scene units; nothing nearer than this is drawn
 NEAR = 0.05

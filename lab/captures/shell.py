@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from lab.meshes.asset import Float64, Material, Primitive
-
-UInt8 = npt.NDArray[np.uint8]
+from dfcgs_codec.array_types import Float64, UInt8
+from lab.meshes.asset import Material, Primitive
 
 #: texels of a side of each texture
 TEXELS = 512

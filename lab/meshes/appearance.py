@@ -7,11 +7,11 @@ a direction points from the camera to the Gaussian.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64, UInt8
 from dfcgs_codec.encoder.images.splats import harmonics
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS
-from lab.meshes.asset import Float64, Int64, Primitive
+from lab.meshes.asset import Primitive
 
 #: SH basis function of degree 0: colour = 0.5 + SH_C0 * f_dc
 SH_C0 = 0.28209479177387814
@@ -36,7 +36,7 @@ def to_linear(srgb: Float64) -> Float64:
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
-def sample_texture(texture: npt.NDArray[np.uint8], uv: Float64) -> Float64:
+def sample_texture(texture: UInt8, uv: Float64) -> Float64:
     """Bilinear, repeating lookup: (H, W, 4) and (N, 2) -> (N, 4), colour linear, alpha as it is."""
     height, width = texture.shape[:2]
     place = uv * (width, height) - 0.5

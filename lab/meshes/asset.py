@@ -8,11 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
+from dfcgs_codec.array_types import Float64, Int64, UInt8
 
 
 @dataclass(frozen=True)
@@ -63,7 +59,7 @@ class Material:
     """Linear RGBA factor (4,), sRGB texture (H, W, 4) uint8 or None, and whether alpha counts."""
 
     factor: Float64
-    texture: npt.NDArray[np.uint8] | None
+    texture: UInt8 | None
     uses_alpha: bool
 
 

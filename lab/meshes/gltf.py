@@ -15,12 +15,12 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
-import numpy.typing as npt
 import pygltflib
 from PIL import Image
 
+from dfcgs_codec.array_types import AnyArray, Float64, Int64, UInt8
 from dfcgs_codec.errors import InputError
-from lab.meshes.asset import Asset, Channel, Clip, Float64, Int64, Material, Node, Primitive, Skin
+from lab.meshes.asset import Asset, Channel, Clip, Material, Node, Primitive, Skin
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 ITEM_SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -86,7 +86,7 @@ class _Reader:
         start = v.byteOffset or 0
         return self.buffers[v.buffer][start : start + v.byteLength], v.byteStride
 
-    def accessor(self, index: int) -> npt.NDArray[np.generic]:
+    def accessor(self, index: int) -> AnyArray:
         """(count, components), integers kept unless normalised; sparse substitution applied."""
         a = self.document.accessors[index]
         dtype, width = np.dtype(COMPONENTS[a.componentType]), ITEM_SIZES[a.type]
@@ -101,7 +101,7 @@ class _Reader:
             return np.maximum(values / np.iinfo(dtype).max, -1.0)
         return values
 
-    def substitute(self, values: npt.NDArray[np.generic], sparse: pygltflib.Sparse) -> None:
+    def substitute(self, values: AnyArray, sparse: pygltflib.Sparse) -> None:
         dtype = np.dtype(COMPONENTS[sparse.indices.componentType])
         index_data, _ = self.view(sparse.indices.bufferView)
         value_data, _ = self.view(sparse.values.bufferView)
@@ -143,7 +143,7 @@ class _Reader:
         factor = np.array(pbr.baseColorFactor or [1.0] * 4, np.float64)
         return Material(factor, texture, (material.alphaMode or "OPAQUE") != "OPAQUE")
 
-    def image(self, image: pygltflib.Image) -> npt.NDArray[np.uint8]:
+    def image(self, image: pygltflib.Image) -> UInt8:
         data = self.view(image.bufferView)[0] if image.bufferView is not None else self.uri_bytes(image.uri)
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGBA"))
 

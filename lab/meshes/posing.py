@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lab.meshes.asset import Asset, Channel, Clip, Float64, Node, Primitive, Skin
+from dfcgs_codec.array_types import Float64
+from lab.meshes.asset import Asset, Channel, Clip, Node, Primitive, Skin
 
 #: below this angle (radians, cosine 0.9995) slerp is replaced by a normalised lerp, as appendix C allows
 LERP_COSINE = 0.9995

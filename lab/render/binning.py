@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int32, Int64
 from lab.render.constants import TILE
 from lab.render.kernel import kernel
 from lab.render.projection import Splats
@@ -16,11 +16,11 @@ class TileLists(NamedTuple):
     """The splats of tile t are `splats[starts[t]:starts[t + 1]]`, near to far; tiles in row order."""
 
     columns: int
-    starts: npt.NDArray[np.int64]
-    splats: npt.NDArray[np.int32]
+    starts: Int64
+    splats: Int32
 
 
-def depth_order(splats: Splats) -> npt.NDArray[np.int64]:
+def depth_order(splats: Splats) -> Int64:
     """Indices of the drawn splats, near to far, equal depths in the order of the cloud."""
     drawn = np.flatnonzero(splats.tiles).astype(np.uint64)
     # depths are positive, so their bits sort as they do; the index below makes every key unique,

@@ -6,10 +6,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numba import types
 from numba.extending import intrinsic
 
+from dfcgs_codec.array_types import Float32, Int32
 from lab.render.binning import TileLists
 from lab.render.camera import Camera
 from lab.render.constants import ALPHA_CAP, ALPHA_CUT, TILE, TRANSMITTANCE_STOP
@@ -29,8 +29,6 @@ from lab.render.projection import (
 )
 from lab.render.simd import LANES, Block, broadcast, lane_numbers
 
-Float32 = npt.NDArray[np.float32]
-
 BLOCKS = TILE // LANES
 GRAIN = 8
 # rows of the tile's state; the transmittance is stored negative once the pixel is finished
@@ -49,7 +47,7 @@ class Frame(NamedTuple):
 
     colour: Float32
     transmittance: Float32
-    last: npt.NDArray[np.int32]
+    last: Int32
 
 
 def blend(

@@ -7,18 +7,16 @@ the gradient does not depend on threads.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from numba import types
 from numba.extending import intrinsic
 
+from dfcgs_codec.array_types import Float32
 from lab.render.binning import TileLists
 from lab.render.blend import BLOCKS, GRAIN, Frame, falloff, span
 from lab.render.constants import ALPHA_CAP, ALPHA_CUT, TILE
 from lab.render.kernel import kernel, run_in_ranges
 from lab.render.projection import BLUE, GREEN, OPACITY, PRECISION, RED, ROW_PRECISION, Splats
 from lab.render.simd import LANES, Block, broadcast
-
-Float32 = npt.NDArray[np.float32]
 
 # rows of the tile's state: transmittance behind the splat; gradient times the light from behind it; last
 # splat; gradient by colour

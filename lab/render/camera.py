@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-Float64 = npt.NDArray[np.float64]
+from dfcgs_codec.array_types import Float32, Float64
+
 Triple = tuple[float, float, float]
 
 
@@ -87,7 +87,7 @@ class View:
     """A camera, what it saw, (H, W, 3) in [0, 1], and the background that a fit has behind its Gaussians."""
 
     camera: Camera
-    image: npt.NDArray[np.float32]
+    image: Float32
     background: Triple
 
 

@@ -13,8 +13,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Int32
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.render.camera import Camera
 from lab.render.constants import ALPHA_CUT, LOW_PASS, NEAR, TILE
@@ -31,9 +31,6 @@ from lab.render.geometry import (
 )
 from lab.render.kernel import kernel, run_in_ranges
 from lab.render.sh import sh_basis
-
-Float32 = npt.NDArray[np.float32]
-Int32 = npt.NDArray[np.int32]
 
 # columns of Splats.values
 U, V, PRECISION, SHEAR, ROW_PRECISION, OPACITY, REACH, RED, GREEN, BLUE = range(10)

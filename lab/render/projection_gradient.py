@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32
 from lab.render.blend_gradient import SUM_D, SUM_D_DY, SUM_DD, SUM_DY, SUM_DY_DY, SUM_E, SUM_RED
 from lab.render.camera import Camera
 from lab.render.geometry import (
@@ -26,8 +26,6 @@ from lab.render.geometry import (
 from lab.render.kernel import kernel, run_in_ranges
 from lab.render.projection import GRAIN, OPACITY, PRECISION, RED, ROW_PRECISION, SHEAR, CloudArrays, Splats
 from lab.render.sh import sh_basis, sh_direction_gradient
-
-Float32 = npt.NDArray[np.float32]
 
 
 class CloudGradient(NamedTuple):

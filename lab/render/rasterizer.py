@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.render.binning import TileLists, bin_splats
 from lab.render.blend import Frame, blend
@@ -15,8 +15,6 @@ from lab.render.blend_gradient import blend_gradient
 from lab.render.camera import Camera
 from lab.render.projection import CloudArrays, Splats, cloud_arrays, project
 from lab.render.projection_gradient import CloudGradient, project_gradient
-
-Float32 = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,9 @@ scikit-image's default, a 7 x 7 box, give other figures.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32
 from lab.render.kernel import kernel, run_in_ranges
-
-Float32 = npt.NDArray[np.float32]
 
 WINDOW = 11
 SIGMA = 1.5

@@ -13,10 +13,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
+from dfcgs_codec.array_types import Float32, Float64, Int64
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.gaussians import Float32, GaussianCloud
+from dfcgs_codec.gaussians import GaussianCloud
 from lab.meshes import appearance
-from lab.meshes.asset import Asset, Clip, Float64, Int64
+from lab.meshes.asset import Asset, Clip
 from lab.meshes.gltf import load_asset
 from lab.meshes.posing import pose_vertices
 from lab.scenes import rotations

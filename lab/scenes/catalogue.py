@@ -20,10 +20,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.ply import read_ply
-from lab.meshes.asset import Int64
 from lab.scenes.animated import animated_sequence
 from lab.scenes.fitted import fitted_sequence
 from lab.scenes.options import SceneOptions

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Floats
 from dfcgs_codec.gaussians import GaussianCloud
-
-Float64 = npt.NDArray[np.float64]
 
 #: random Fourier features per field: enough for a sum that looks Gaussian, few enough to be fast
 NUM_WAVES = 12
 
 
-def scene_size(positions: npt.NDArray[np.floating]) -> float:
+def scene_size(positions: Floats) -> float:
     """Longest side of the box around the central 98 %: far outliers do not count. 1 for a single place."""
     low, high = np.percentile(positions, [1.0, 99.0], axis=0)
     size = float(np.max(high - low))
@@ -35,7 +33,7 @@ class SmoothField:
         self.phases = rng.uniform(0.0, 2.0 * np.pi, NUM_WAVES)
         self.amplitudes = rng.standard_normal((NUM_WAVES, channels)) * np.sqrt(2.0 / NUM_WAVES)
 
-    def __call__(self, positions: npt.NDArray[np.floating], time: float = 0.0) -> Float64:
+    def __call__(self, positions: Floats, time: float = 0.0) -> Float64:
         """(N, 3) positions -> (N, C)."""
         # einsum, not @: threads of a BLAS that other processes disturb make thin products ten times slower
         phases = np.einsum("nd,dw->nw", np.asarray(positions, np.float64), self.waves)

@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import AnyArray, Float16, Float32, Int64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 
@@ -35,10 +35,6 @@ VERSION = 1
 ABOUT, FIRST = "about", "first"
 #: position and rotation values of one Gaussian's step
 STEP_VALUES = 7
-
-Float16 = npt.NDArray[np.float16]
-Float32 = npt.NDArray[np.float32]
-Int64 = npt.NDArray[np.int64]
 
 
 def step_name(index: int) -> str:
@@ -106,7 +102,7 @@ def _step(data: bytes, num_gaussians: int) -> tuple[Int64, Float16]:
     return rows, _from_planes(data[size:], "<f2", (STEP_VALUES, len(rows)))
 
 
-def _from_planes(data: bytes, dtype: str, shape: tuple[int, int]) -> npt.NDArray[Any]:
+def _from_planes(data: bytes, dtype: str, shape: tuple[int, int]) -> AnyArray:
     """Byte planes of (columns, rows) values -> (rows, columns), in the machine's byte order."""
     width = np.dtype(dtype).itemsize
     planes = np.frombuffer(data, np.uint8).reshape(width, *shape)

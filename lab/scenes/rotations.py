@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-Float64 = npt.NDArray[np.float64]
+from dfcgs_codec.array_types import Float64, Floats
 
 
-def multiply(left: npt.NDArray[np.floating], right: npt.NDArray[np.floating]) -> Float64:
+def multiply(left: Floats, right: Floats) -> Float64:
     """Hamilton product: `right` is applied first. Lengths multiply and are not normalised."""
     w, x, y, z = np.moveaxis(np.asarray(left, np.float64), -1, 0)
     a, b, c, d = np.moveaxis(np.asarray(right, np.float64), -1, 0)
@@ -24,18 +23,18 @@ def multiply(left: npt.NDArray[np.floating], right: npt.NDArray[np.floating]) ->
     )
 
 
-def conjugate(quaternions: npt.NDArray[np.floating]) -> Float64:
+def conjugate(quaternions: Floats) -> Float64:
     """The inverse of unit quaternions."""
     return np.asarray(quaternions, np.float64) * np.array([1.0, -1.0, -1.0, -1.0])
 
 
-def normalised(quaternions: npt.NDArray[np.floating]) -> Float64:
+def normalised(quaternions: Floats) -> Float64:
     """Quaternions of any length but zero -> unit quaternions."""
     q = np.asarray(quaternions, np.float64)
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
-def from_vectors(rotation_vectors: npt.NDArray[np.floating]) -> Float64:
+def from_vectors(rotation_vectors: Floats) -> Float64:
     """(N, 3) axis times angle in radians -> unit quaternions, w >= 0 for angles up to pi."""
     return Rotation.from_rotvec(rotation_vectors).as_quat(scalar_first=True)
 
@@ -51,12 +50,12 @@ def from_deformations(matrices: Float64) -> Float64:
     return continuous_sign(Rotation.from_matrix(matrices).as_quat(scalar_first=True), None)
 
 
-def to_matrices(quaternions: npt.NDArray[np.floating]) -> Float64:
+def to_matrices(quaternions: Floats) -> Float64:
     """Quaternions of any length but zero -> (N, 3, 3) rotation matrices."""
     return Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
 
 
-def rotate(quaternions: npt.NDArray[np.floating], vectors: npt.NDArray[np.floating]) -> Float64:
+def rotate(quaternions: Floats, vectors: Floats) -> Float64:
     """Rotate each of the (N, 3) vectors by its own unit quaternion."""
     q = np.asarray(quaternions, np.float64)
     w, axis = q[..., :1], q[..., 1:]
@@ -64,7 +63,7 @@ def rotate(quaternions: npt.NDArray[np.floating], vectors: npt.NDArray[np.floati
     return vectors + w * twice + np.cross(axis, twice)
 
 
-def angles(left: npt.NDArray[np.floating], right: npt.NDArray[np.floating]) -> Float64:
+def angles(left: Floats, right: Floats) -> Float64:
     """(N,) angle in radians, 0 to pi, between two rotations; q and -q count as the same."""
     a = np.asarray(left, np.float64)
     b = np.asarray(right, np.float64)

@@ -10,9 +10,9 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
-from lab.meshes.asset import Float64, Int64
 from lab.scenes import rotations
 from lab.scenes.fields import field_for, scene_size
 

@@ -8,8 +8,8 @@ from itertools import chain, islice
 
 import numpy as np
 
-from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, Float32, GaussianCloud
-from lab.meshes.asset import Float64
+from dfcgs_codec.array_types import Float32, Float64
+from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from lab.scenes import rotations
 from lab.scenes.fields import field_for, scene_size
 from lab.scenes.options import SceneOptions

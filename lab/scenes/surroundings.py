@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.gaussians import GaussianCloud
-from lab.meshes.asset import Float64
 from lab.scenes import rotations
 from lab.scenes.fields import SmoothField, scene_size
 

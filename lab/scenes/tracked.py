@@ -9,10 +9,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Float64, Int64
 from dfcgs_codec.gaussians import GaussianCloud
-from lab.meshes.asset import Float64, Int64
 from lab.scenes import rotations
 from lab.scenes.fields import field_for, scene_size
 
@@ -108,9 +107,7 @@ class _NoisyTracker:
         return order[: round(self.statistics.same_positions * len(order))]
 
 
-def _change_some(
-    values: npt.NDArray[np.float32], same: float, deviation: float, rng: np.random.Generator
-) -> None:
+def _change_some(values: Float32, same: float, deviation: float, rng: np.random.Generator) -> None:
     """Add noise, in place, to all rows but a share `same`."""
     rows = np.flatnonzero(rng.random(len(values)) >= same)
     values[rows] += deviation * rng.standard_normal((len(rows), *values.shape[1:]), dtype=np.float32)

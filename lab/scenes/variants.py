@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.gaussians import GaussianCloud
-from lab.meshes.asset import Int64
 from lab.scenes import rotations
 from lab.scenes.semi_tracked import semi_tracked, semi_tracked_with_ids
 from lab.scenes.stress import STRESS

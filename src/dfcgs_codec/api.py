@@ -132,7 +132,6 @@ def _opened(path: Path | BinaryIO) -> Iterator[BinaryIO]:
 
 
 def _file(path: AnyPath | BinaryIO) -> Path | BinaryIO:
-    """A path, or a file that can be decoded from; InputError for anything else."""
     if isinstance(path, bytes) and path.startswith(MAGIC):
         raise InputError("path: found the bytes of a .dgs file, expected its path or io.BytesIO(bytes)")
     if isinstance(path, _PATHS) or not hasattr(path, "read"):

@@ -19,18 +19,15 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import AnyArray, Floats, Int64
 from dfcgs_codec.errors import InputError
-
-Float32 = npt.NDArray[np.float32]
-Floats = npt.NDArray[np.floating]
 
 #: number of higher SH coefficients per colour channel, indexed by SH degree
 SH_REST_COEFFICIENTS = (0, 3, 8, 15)
 
 
-def _array(name: str, values: Any) -> npt.NDArray[Any]:
+def _array(name: str, values: Any) -> AnyArray:
     """`values` as a plain array in this machine's byte order: of lists, of tensors in main memory.
 
     Its type of numbers stays what it is. InputError for what is no array, and for masked values.
@@ -98,16 +95,12 @@ class GaussianCloud:
 
     def as_float32(self) -> GaussianCloud:
         """The same, every array rounded to float32."""
-        arrays = (self.positions, self.rotations, self.scales, self.opacities, self.sh_dc, self.sh_rest)
-        return GaussianCloud(*(array.astype(np.float32, copy=False) for array in arrays))
+        return GaussianCloud(*(array.astype(np.float32, copy=False) for array in self._arrays))
 
-    def take(self, index: npt.NDArray[np.int64]) -> GaussianCloud:
+    def take(self, index: Int64) -> GaussianCloud:
         """The Gaussians `index`, in that order."""
-        return GaussianCloud(
-            self.positions[index],
-            self.rotations[index],
-            self.scales[index],
-            self.opacities[index],
-            self.sh_dc[index],
-            self.sh_rest[index],
-        )
+        return GaussianCloud(*(array[index] for array in self._arrays))
+
+    @property
+    def _arrays(self) -> list[Floats]:
+        return [getattr(self, field.name) for field in fields(self)]

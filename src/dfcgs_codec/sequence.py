@@ -36,16 +36,13 @@ class FrameSource(Protocol):
     @property
     def numbers(self) -> list[int]:
         """Frame numbers, strictly ascending."""
-        ...
 
     @property
     def headers(self) -> list[PlyHeader]:
         """Gaussians and SH degree of each frame, known without reading the frames."""
-        ...
 
     def read(self, index: int) -> tuple[GaussianCloud, list[str]]:
         """Frame `index` (0 is the first), of the sequence's SH degree, and notes about repairs."""
-        ...
 
 
 def notes_of(source: FrameSource) -> list[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lab.small_clouds import drifting, real_cloud
-from tests.helpers import dfcgs, write_frames
+from tests.helpers import dfcgs_process, write_frames
 
 NUM_FRAMES = 5
 GOF_SIZE = 2
@@ -33,6 +33,6 @@ def frames_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def stream(frames_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same, encoded in GoFs of two."""
     path = tmp_path_factory.mktemp("stream") / "scene.dgs"
-    done = dfcgs("encode", frames_dir, path, "--gof-size", str(GOF_SIZE), "--jobs", "1", "--quiet")
+    done = dfcgs_process("encode", frames_dir, path, "--gof-size", str(GOF_SIZE), "--jobs", "1", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     return path

@@ -11,7 +11,7 @@ from dfcgs_codec.ply import property_names, read_ply
 from lab.small_clouds import same_cloud
 from tests.cli.conftest import GOF_SIZE, NUM_FRAMES
 from tests.cli.test_encode import fails
-from tests.helpers import dfcgs
+from tests.helpers import dfcgs, dfcgs_process
 
 NAMES = [f"frame_{number:04d}.ply" for number in range(7, 7 + NUM_FRAMES)]
 
@@ -23,7 +23,7 @@ def names(folder: Path) -> list[str]:
 @pytest.fixture(scope="module")
 def decoded(stream: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("decoded") / "out"
-    done = dfcgs("decode", stream, folder)
+    done = dfcgs_process("decode", stream, folder)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     assert f"{NUM_FRAMES} frames, all hashes right" in done.stdout
@@ -142,7 +142,7 @@ def test_salvage_of_nothing(stream: Path, tmp_path: Path) -> None:
 def test_a_foreign_dgs_is_named(tmp_path: Path) -> None:
     foreign = tmp_path / "foreign.dgs"
     foreign.write_bytes(b"glps" + bytes(100))
-    fails(dfcgs("decode", foreign, tmp_path / "out"), 3, "dgs-py", "[not-a-dgs-file]")
+    fails(dfcgs_process("decode", foreign, tmp_path / "out"), 3, "dgs-py", "[not-a-dgs-file]")
     fails(dfcgs("info", foreign), 3, "dgs-py")
 
 

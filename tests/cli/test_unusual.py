@@ -15,8 +15,8 @@ import pytest
 from dfcgs_codec.ply import peek_header
 from lab.chunks import join_chunks, split_chunks
 from lab.small_clouds import drifting, make_cloud, real_cloud
-from tests.cli.test_encode import fails
-from tests.helpers import dfcgs, ply_table, write_frames, write_table
+from tests.cli.test_encode import QUICK, fails
+from tests.helpers import dfcgs, dfcgs_process, ply_table, write_frames, write_table
 
 
 def names(folder: Path) -> list[str]:
@@ -40,7 +40,12 @@ def long_sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def long_stream(long_sequence: Path) -> Path:
     path = long_sequence.parent / "long.dgs"
-    assert dfcgs("encode", long_sequence, path, "--gof-size", "4", "--quiet").returncode == 0
+    assert (
+        dfcgs(
+            "encode", long_sequence, path, "--gof-size", "4", "--qp", "30", "--jobs", "1", "--quiet"
+        ).returncode
+        == 0
+    )
     return path
 
 
@@ -61,14 +66,14 @@ def interrupt(arguments: list[str], begun: Callable[[], bool], *, group: bool) -
     return process.returncode, out, err
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
-@pytest.mark.parametrize("delay", [0.0, 1.5])
+@pytest.mark.parametrize(("jobs", "delay"), [("1", 0.0), ("2", 1.5)])
 def test_ctrl_c_while_encoding(long_sequence: Path, tmp_path: Path, jobs: str, delay: float) -> None:
     def begun() -> bool:
         time.sleep(delay if any(tmp_path.iterdir()) else 0)
         return any(tmp_path.iterdir())
 
-    arguments = ["encode", str(long_sequence), str(tmp_path / "out.dgs"), "--gof-size", "2", "--jobs", jobs]
+    arguments = ["encode", str(long_sequence), str(tmp_path / "out.dgs"), "--gof-size", "2"]
+    arguments += ["--qp", "27", "--jobs", jobs]
     code, out, err = interrupt(arguments, begun, group=True)
     assert (code, out) == (1, ""), err
     # click ends the terminal's line first
@@ -167,7 +172,7 @@ def test_a_frame_that_is_no_ply(tmp_path: Path, content: bytes) -> None:
 def test_a_frame_without_gaussians(tmp_path: Path, where: int) -> None:
     frames = write_frames(tmp_path / "in", drifting(make_cloud(5), 2))
     write_table(frames / f"frame_{where:04d}.ply", ply_table(make_cloud(1))[:0])
-    assert dfcgs("encode", frames, tmp_path / "a.dgs").returncode == 0
+    assert dfcgs("encode", frames, tmp_path / "a.dgs", *QUICK).returncode == 0
     assert dfcgs("decode", tmp_path / "a.dgs", tmp_path / "out").returncode == 0
     counts = [peek_header(path).num_gaussians for path in sorted((tmp_path / "out").iterdir())]
     assert counts == [0 if index == where else 5 for index in range(2)]
@@ -177,7 +182,7 @@ def test_an_error_in_another_process_is_one_line(tmp_path: Path) -> None:
     write_frames(tmp_path / "frames", drifting(make_cloud(50), 6))
     bad = tmp_path / "frames" / "frame_0005.ply"
     bad.write_bytes(bad.read_bytes()[:-10])
-    done = dfcgs("encode", tmp_path / "frames", tmp_path / "a.dgs", "--gof-size", "2", "--jobs", "2")
+    done = dfcgs("encode", tmp_path / "frames", tmp_path / "a.dgs", "--gof-size", "2", "--jobs", "2", *QUICK)
     fails(done, 1, "frame_0005.ply", "truncated")
     assert names(tmp_path) == ["frames"]
 
@@ -216,7 +221,7 @@ def test_a_file_without_frames(stream: Path, tmp_path: Path) -> None:
 
 
 def test_quiet_is_quiet(frames_dir: Path, tmp_path: Path) -> None:
-    done = dfcgs("encode", frames_dir, tmp_path / "a.dgs", "--quiet", "--verify")
+    done = dfcgs_process("encode", frames_dir, tmp_path / "a.dgs", "--quiet", "--verify")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    done = dfcgs("decode", tmp_path / "a.dgs", tmp_path / "out", "--quiet")
+    done = dfcgs_process("decode", tmp_path / "a.dgs", tmp_path / "out", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

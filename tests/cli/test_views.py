@@ -17,7 +17,6 @@ from lab.small_room import room, viewers
 from tests.helpers import dfcgs, write_frames
 from tests.unit.views.view_files import colmap_binary, inria, some_cameras, write_json
 
-QUICK = ("--jobs", "1")
 FRAMES = drifting(make_cloud(30), 2)
 
 
@@ -30,7 +29,7 @@ def scene(tmp_path: Path) -> Path:
 
 
 def encode(scene: Path, *options: str | Path) -> subprocess.CompletedProcess[str]:
-    return dfcgs("encode", scene, scene.parent / "out.dgs", *QUICK, *options)
+    return dfcgs("encode", scene, scene.parent / "out.dgs", "--jobs", "1", *options)
 
 
 def settings(scene: Path) -> str:
@@ -131,7 +130,8 @@ def test_python_reads_a_path_and_looks_for_none(scene: Path) -> None:
 def test_what_no_viewer_sees_is_left_out_and_told(tmp_path: Path) -> None:
     scene = write_frames(tmp_path / "scene", [room()] * 2)
     write_json(scene / "cameras.json", inria(viewers().cameras))
-    done = encode(scene)
+    quick = ("--qp", "27")
+    done = encode(scene, *quick)
     assert done.returncode == 0, done.stderr
     info = settings(scene)
     told = re.search(r" unseen=(\d+) unseen_cost=([\d.]+)dB$", info)
@@ -144,11 +144,11 @@ def test_what_no_viewer_sees_is_left_out_and_told(tmp_path: Path) -> None:
     assert f"{said}\n" in done.stdout
     assert " estimate=" in info
     assert info in dfcgs("info", tmp_path / "out.dgs").stdout
-    found = json.loads(encode(scene, "--force", "--json").stdout)
+    found = json.loads(encode(scene, *quick, "--force", "--json").stdout)
     assert found["num_unseen"] == unseen
     assert found["unseen_cost_db"] == pytest.approx(cost, abs=0.01)
     assert [frame["num_gaussians"] for frame in found["frames"]] == [room().num_gaussians - unseen] * 2
     for options in (("--keep-unseen",), ("--views", "none")):
-        done = encode(scene, "--force", *options)
+        done = encode(scene, *quick, "--force", *options)
         assert "left out" not in done.stdout
         assert probe(tmp_path / "out.dgs").frames[0].num_gaussians == room().num_gaussians

@@ -1,4 +1,4 @@
-"""The streams in `valid/` decode to what is written down, those in `faulty/` are refused as written down.
+"""The streams in `valid/` and `uncommon/` decode to what is written down, those in `faulty/` are refused.
 
 The streams are written by `make golden` only.
 """
@@ -34,18 +34,19 @@ def hashes(data: bytes) -> list[str]:
 
 def test_every_stream_is_expected() -> None:
     assert EXPECTED["bitstream_version"] == BITSTREAM_VERSION
-    for kind in ("valid", "faulty"):
+    for kind in ("valid", "uncommon", "faulty"):
         assert {path.stem for path in (FOLDER / kind).glob("*.dgs")} == set(EXPECTED[kind])
 
 
-@pytest.mark.parametrize("name", EXPECTED["valid"])
-def test_valid(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("kind", "name"), [(k, n) for k in ("valid", "uncommon") for n in EXPECTED[k]])
+def test_valid(kind: str, name: str, tmp_path: Path) -> None:
     found: dict[str, list[str]] = {"frame_hashes": [], "ply_sha256": []}
-    for frame in decode_sequence(FOLDER / "valid" / f"{name}.dgs"):
+    for frame in decode_sequence(FOLDER / kind / f"{name}.dgs"):
         write_ply(tmp_path / "frame.ply", frame.cloud())
         found["frame_hashes"].append(frame.state.hash().hex())
         found["ply_sha256"].append(hashlib.sha256((tmp_path / "frame.ply").read_bytes()).hexdigest())
-    assert found == EXPECTED["valid"][name]
+    expected = EXPECTED[kind][name]
+    assert found == {key: expected[key] for key in found}
 
 
 @pytest.mark.parametrize("name", EXPECTED["faulty"])

@@ -146,7 +146,7 @@ class _Both:
         """Inputs of the networks of control points are the same."""
         known = ControlPrior.of(context_model("main-1"), self.motion.field, header, before)
         count = self.field.count
-        inputs, expected = np.zeros((count, 6), np.uint8), np.zeros((count, 6), np.int64)
+        inputs, expected = np.zeros((count, 4), np.uint8), np.zeros((count, 6), np.int64)
         steps = header.translation_step, header.turn_step
         call("control_inputs", self.field, int32(before), *steps, inputs, expected)
         assert np.array_equal(expected, known.expected)

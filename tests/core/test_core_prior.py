@@ -14,7 +14,13 @@ from dfcgs_codec.codec.columns.magnitudes import log_of, row_sums
 from dfcgs_codec.codec.columns.prior_column import Component, others_of, rows_of_passes
 from dfcgs_codec.codec.motion.followers import Binding
 from dfcgs_codec.codec.residual.classes import AttributeActivity
-from dfcgs_codec.codec.residual.inputs import BEFORE, NOW, AttributeInputs, common_inputs, gaussian_inputs
+from dfcgs_codec.codec.residual.inputs import (
+    BEFORE,
+    NUM_COMMON,
+    AttributeInputs,
+    common_inputs,
+    gaussian_inputs,
+)
 from dfcgs_codec.model.context_model import ClassNetwork, NarrowLayer, cells_of
 from dfcgs_codec.model.registry import context_model
 from dfcgs_codec.transform.control_points import Gathering
@@ -102,9 +108,11 @@ def test_networks_that_are_none_are_refused(place: int) -> None:
     words = words_of(PRIOR.columns.network)
     words[place] = 1 << 20
     room, used = np.zeros(1024, np.uint8), np.zeros(1, np.uint32)
-    found = call("read_network", Arena.of(1 << 16), words, len(words), 25, 10, 40, room, used)
+    found = call("read_network", Arena.of(1 << 16), words, len(words), NUM_COMMON, 10, 40, room, used)
     assert found == MODEL_MISMATCH
-    assert call("read_network", Arena.of(1 << 16), words, 10, 25, 10, 40, room, used) == MODEL_MISMATCH
+    assert (
+        call("read_network", Arena.of(1 << 16), words, 10, NUM_COMMON, 10, 40, room, used) == MODEL_MISMATCH
+    )
 
 
 def _symbols(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
@@ -148,7 +156,6 @@ class Known(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_void_p) for name in ("gaussians", "coarseness", "before", "running", "memory")),
         *((name, ctypes.c_void_p) for name in ("density_before", "density", "magnitude")),
-        ("now", ctypes.c_void_p * 5),
         ("earlier", ctypes.c_void_p * 2),
         ("attribute", ctypes.c_int32),
         ("columns", ctypes.c_int32),
@@ -171,7 +178,6 @@ def test_common_inputs(attribute: Attribute, seed: int) -> None:
     running = rng.integers(0, 1 << 24, count)
     density_before, density = rng.integers(0, 4, (2, blocks))
     magnitude = rng.integers(0, 24, blocks)
-    now = {a: _symbols(rng, (count,)) for a in NOW if rng.random() < 0.5}
     earlier = {a: _symbols(rng, (count,)) for a in BEFORE if rng.random() < 0.5}
     block = rows >> 6
     wanted = common_inputs(
@@ -185,24 +191,20 @@ def test_common_inputs(attribute: Attribute, seed: int) -> None:
             density_before[block],
             density[block],
             magnitude[block],
-            {a: np.abs(values[rows]) for a, values in now.items()},
             {a: np.abs(values[rows]) for a, values in earlier.items()},
         ),
     )
     bytes_of = [None if coarseness is None else coarseness.astype(np.uint8), log_of(row_sums(np.abs(before)))]
     blocks_of = [values.astype(np.uint8) for values in (density_before, density, magnitude)]
-    logs = [
-        [None if a not in x else log_of(np.abs(x[a])) for a in k] for x, k in ((now, NOW), (earlier, BEFORE))
-    ]
+    logs = [None if a not in earlier else log_of(np.abs(earlier[a])) for a in BEFORE]
     narrow = int32(running)
     known = Known(
         *map(_pointer, (gaussians, *bytes_of, narrow, memory, *blocks_of)),
-        (ctypes.c_void_p * 5)(*map(_pointer, logs[0])),
-        (ctypes.c_void_p * 2)(*map(_pointer, logs[1])),
+        (ctypes.c_void_p * 2)(*map(_pointer, logs)),
         int(attribute),
         columns,
     )
-    found = np.zeros((len(rows), 25), np.uint8)
+    found = np.zeros((len(rows), NUM_COMMON), np.uint8)
     call("common_inputs", known, rows.astype(np.uint32), len(rows), found)
     assert np.array_equal(found, wanted)
 
@@ -238,7 +240,7 @@ def test_passes_of_a_column(column: int, reach: int) -> None:
     rng, count = np.random.default_rng(column + reach), 3000
     before, coded = (np.rint(rng.laplace(0, reach / 5, (count, 3))).astype(np.int64) for _ in range(2))
     memory = _symbols(rng, (count, 3)) >> 5
-    common = rng.integers(0, 256, (count, 25)).astype(np.uint8)
+    common = rng.integers(0, 256, (count, NUM_COMMON)).astype(np.uint8)
     weights = rng.integers(-300, 300, 3 + column)
     kinds = rng.integers(0, 4, count)
     symbols = np.rint(rng.laplace(0, reach, count)).astype(np.int64)
@@ -281,7 +283,7 @@ def test_passes_of_a_column(column: int, reach: int) -> None:
 def test_classes_of_flags() -> None:
     rng, count = np.random.default_rng(0), 900
     network = PRIOR.flags.network
-    common = rng.integers(0, 256, (count, 25)).astype(np.uint8)
+    common = rng.integers(0, 256, (count, NUM_COMMON)).astype(np.uint8)
     core, rows = CoreNetwork(network), np.flatnonzero(rng.random(count) < 0.4)
     mean = rng.integers(0, 257, len(rows)) * 256
     for base in (False, True):

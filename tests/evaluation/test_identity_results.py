@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, encode_sequence
+from dfcgs_codec.array_types import Bool, Int64
 from dfcgs_codec.encoder.frame import segment
 from dfcgs_codec.encoder.matching.identity import Members, Succession, found_members
 from evaluation.experiments import identity, lost_order
@@ -19,7 +19,7 @@ from lab.scenes.catalogue import group, scene
 from lab.scenes.tracked import drifting
 from lab.small_clouds import FIELDS, real_cloud
 
-Frames = list[tuple[GaussianCloud, npt.NDArray[np.int64]]]
+Frames = list[tuple[GaussianCloud, Int64]]
 COUNT = 1500
 
 
@@ -37,7 +37,7 @@ def lost(ordered: Frames) -> Frames:
     return list(lost_order.order_lost(iter(ordered), 3))
 
 
-def equal_rows(first: GaussianCloud, second: GaussianCloud) -> npt.NDArray[np.bool_]:
+def equal_rows(first: GaussianCloud, second: GaussianCloud) -> Bool:
     same = [(getattr(first, f) == getattr(second, f)).reshape(len(first.positions), -1) for f in FIELDS]
     return np.concatenate(same, axis=1).all(axis=1)
 

@@ -7,12 +7,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pygltflib
 import pytest
 from plyfile import PlyData
 from scipy.spatial import cKDTree
 
+from dfcgs_codec.array_types import Bool, Float32, Float64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.ply import read_ply
@@ -46,14 +46,12 @@ def same(a: GaussianCloud, b: GaussianCloud, names: list[str] = NAMES) -> bool:
     return all(np.array_equal(getattr(a, n), getattr(b, n)) for n in names)
 
 
-def identical(a: npt.NDArray[np.float32], b: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+def identical(a: Float32, b: Float32) -> Bool:
     """(N,) which rows are bit-identical."""
     return (a == b).reshape(len(a), -1).all(axis=1)
 
 
-def nearest_rotation(
-    before: npt.NDArray[np.float64], after: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def nearest_rotation(before: Float64, after: Float64) -> Float64:
     """(n, 4) rotation of each group of points (n, k, 3), by Kabsch: independent of the generator's way."""
     a = before - before.mean(axis=1, keepdims=True)
     b = after - after.mean(axis=1, keepdims=True)
@@ -62,7 +60,7 @@ def nearest_rotation(
     return rot.from_matrices(u @ vt)
 
 
-def turn_between(a: GaussianCloud, b: GaussianCloud) -> npt.NDArray[np.float64]:
+def turn_between(a: GaussianCloud, b: GaussianCloud) -> Float64:
     """(N, 4) the rotation that takes each Gaussian of `a` to `b`."""
     return rot.multiply(rot.normalised(b.rotations), rot.conjugate(rot.normalised(a.rotations)))
 

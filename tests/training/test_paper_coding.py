@@ -11,7 +11,7 @@ import pytest
 torch = pytest.importorskip("torch", reason="training needs torch, from the train extra")
 
 from dfcgs_codec.bitstream.constants import Attribute  # noqa: E402
-from dfcgs_codec.codec.motion.compensation import spread_over  # noqa: E402
+from dfcgs_codec.codec.paper.latent_motion import spread_over  # noqa: E402
 from dfcgs_codec.codec.state.planes import FrameState, Plane  # noqa: E402
 from dfcgs_codec.entropy.tables import Shape, scale_table  # noqa: E402
 from dfcgs_codec.transform.spreading import Spreading  # noqa: E402
@@ -75,8 +75,7 @@ def test_compensation_is_the_codecs():
     unit = 2.0 ** int(gof.extent_log2)
     integers = np.rint(spread * np.array([unit] * 3 + [2.0**24] * 4)).astype(np.int64)
     planes = {Attribute.POSITION: Plane(gof.positions[0]), Attribute.ROTATION: Plane(gof.rotations[0])}
-    everyone = np.ones(gof.num_gaussians, np.bool_)
-    moved = spread_over(integers, Spreading(gof.neighbours, gof.weights), everyone, FrameState(planes))
+    moved = spread_over(integers, Spreading(gof.neighbours, gof.weights), FrameState(planes))
     first = sample.positions[0], sample.rotations[0]
     positions, rotations = compensate(sample, torch.from_numpy(spread).float(), *first)
     expected = (moved.planes[Attribute.POSITION].values - gof.centre) / unit

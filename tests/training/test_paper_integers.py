@@ -14,7 +14,7 @@ weights_file = pytest.importorskip("dfcgs_codec.model.weights_file", reason="the
 from tests.training.paper_helpers import small_data, small_gof  # noqa: E402
 from training.paper.config import Config  # noqa: E402
 from training.paper.data import Data  # noqa: E402
-from training.paper.export import digest, export_run, hyper_frequencies  # noqa: E402
+from training.paper.export import export_run, hyper_frequencies  # noqa: E402
 from training.paper.factorised import FactorisedModel  # noqa: E402
 from training.paper.inputs import grid_corners, interpolate  # noqa: E402
 from training.paper.integers import (  # noqa: E402
@@ -124,11 +124,16 @@ def test_integers_stand_for_the_float_networks(exported):
 
 def test_coding_with_integers_costs_about_what_the_float_networks_say(exported):
     run, _, arrays = exported
-    expected = gof_figures(run.model, small_gof(0), 1.0)
-    found = gof_figures(IntegerModel(arrays), small_gof(0), 1.0)
-    total = expected["motion_bits"] + expected["hyper_bits"]
-    assert found["motion_bits"] + found["hyper_bits"] == pytest.approx(total, rel=0.03)
-    assert found["reached_ratio"] == pytest.approx(expected["reached_ratio"], rel=0.05)
+    # a single GoF has some 300 bits: rounding alone moves them by a few in a hundred
+    gofs = [small_gof(seed) for seed in range(4)]
+    expected, found = ([gof_figures(m, g, 1.0) for g in gofs] for m in (run.model, IntegerModel(arrays)))
+    assert _bits(found) == pytest.approx(_bits(expected), rel=0.03)
+    for one, other in zip(found, expected, strict=True):
+        assert one["reached_ratio"] == pytest.approx(other["reached_ratio"], rel=0.05)
+
+
+def _bits(figures):
+    return sum(f["motion_bits"] + f["hyper_bits"] for f in figures)
 
 
 def test_the_file_keeps_to_the_format(exported):
@@ -144,15 +149,6 @@ def test_the_file_keeps_to_the_format(exported):
         layers = layers_of(arrays, name)
         assert [len(layer.bias) for layer in layers] == list(SHAPES[name].widths[1:])
         assert [layer.leaky for layer in layers] == [True] * (len(layers) - 1) + [False]
-
-
-def test_the_digest_is_the_runtimes_and_sees_every_bit(exported):
-    _, _, arrays = exported
-    assert digest(arrays) == weights_file.digest_of(arrays).hex()
-    changed = dict(arrays)
-    changed["grid"] = arrays["grid"].copy()
-    changed["grid"][5, 4095, 3] ^= 1
-    assert digest(changed) != digest(arrays)
 
 
 def test_frequencies_follow_the_factorised_model():

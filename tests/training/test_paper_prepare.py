@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 torch = pytest.importorskip("torch", reason="training needs torch, from the train extra")
 
@@ -55,9 +56,16 @@ def test_the_reference_is_what_the_codec_decodes(tmp_path):
     decoded = next(iter(decode_sequence(path))).cloud()
     positions = np.ldexp(gof.positions[0].astype(np.float64), int(gof.units[0])).astype(np.float32)
     assert np.array_equal(decoded.positions, positions)
-    assert np.array_equal(
-        decoded.rotations, np.ldexp(gof.rotations[0].astype(np.float64), -24).astype(np.float32)
-    )
+    # axes of a sequence's first frame go by any names; shapes in space are the same
+    scales = np.exp(np.ldexp(gof.scales.astype(np.float64), int(gof.units[1])))
+    expected = _covariances(np.ldexp(gof.rotations[0].astype(np.float64), -24), scales)
+    found = _covariances(decoded.rotations.astype(np.float64), np.exp(decoded.scales.astype(np.float64)))
+    assert np.allclose(found, expected, rtol=1e-4, atol=1e-9)
+
+
+def _covariances(rotations, scales):
+    axes = Rotation.from_quat(rotations, scalar_first=True).as_matrix() * scales[:, None, :]
+    return axes @ axes.transpose(0, 2, 1)
 
 
 def test_targets_are_the_input_in_the_order_of_the_reference():

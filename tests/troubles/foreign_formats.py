@@ -13,28 +13,30 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, UInt8, UInt32
+
 Columns = Mapping[str, npt.NDArray]
 SH_C0 = 0.28209479177387814
 _CHUNK = 256
 
 
-def _stack(columns: Columns, *names: str) -> npt.NDArray[np.float64]:
+def _stack(columns: Columns, *names: str) -> Float64:
     return np.stack([np.asarray(columns[name], np.float64) for name in names], axis=1)
 
 
-def _bytes(values: npt.NDArray) -> npt.NDArray[np.uint8]:
+def _bytes(values: npt.NDArray) -> UInt8:
     return np.clip(np.round(values), 0, 255).astype(np.uint8)
 
 
-def _colours(columns: Columns) -> npt.NDArray[np.float64]:
+def _colours(columns: Columns) -> Float64:
     return 0.5 + SH_C0 * _stack(columns, "f_dc_0", "f_dc_1", "f_dc_2")
 
 
-def _alphas(columns: Columns) -> npt.NDArray[np.float64]:
+def _alphas(columns: Columns) -> Float64:
     return 1 / (1 + np.exp(-np.asarray(columns["opacity"], np.float64)))
 
 
-def _quaternions(columns: Columns) -> npt.NDArray[np.float64]:
+def _quaternions(columns: Columns) -> Float64:
     """w, x, y, z of unit length."""
     q = _stack(columns, "rot_0", "rot_1", "rot_2", "rot_3")
     return q / np.linalg.norm(q, axis=1, keepdims=True)
@@ -50,7 +52,7 @@ def splat(columns: Columns) -> bytes:
     return table.tobytes()
 
 
-def _sh(columns: Columns) -> npt.NDArray[np.float64]:
+def _sh(columns: Columns) -> Float64:
     """(N, K, 3): coefficient, then channel."""
     count = sum(name.startswith("f_rest_") for name in columns)
     rest = [columns[f"f_rest_{i}"] for i in range(count)]
@@ -59,7 +61,7 @@ def _sh(columns: Columns) -> npt.NDArray[np.float64]:
     return values.astype(np.float64).reshape(n, 3, count // 3).transpose(0, 2, 1)
 
 
-def _smallest_three_spz(q: npt.NDArray[np.float64]) -> bytes:
+def _smallest_three_spz(q: Float64) -> bytes:
     """x, y, z, w; index of the largest in 2 bits, the others as sign and 9 bits of magnitude."""
     out = np.zeros(len(q), "<u4")
     for row, value in enumerate(q):
@@ -94,7 +96,7 @@ def spz(columns: Columns, version: int = 2, *, fraction_bits: int = 12, flags: i
     return gzip.compress(body + rotations + _bytes(128 * sh + 128).tobytes())
 
 
-def _packed(values: npt.NDArray[np.float64], bits: tuple[int, ...]) -> npt.NDArray[np.uint32]:
+def _packed(values: Float64, bits: tuple[int, ...]) -> UInt32:
     """Values from 0 to 1 as one word, the first in the highest bits."""
     word = np.zeros(len(values), np.uint64)
     for column, width in zip(values.T, bits, strict=True):
@@ -103,7 +105,7 @@ def _packed(values: npt.NDArray[np.float64], bits: tuple[int, ...]) -> npt.NDArr
     return word.astype(np.uint32)
 
 
-def _within_chunks(values: npt.NDArray[np.float64]) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
+def _within_chunks(values: Float64) -> tuple[npt.NDArray, npt.NDArray, npt.NDArray]:
     """Values scaled to 0..1 within each chunk of 256, and each chunk's least and most."""
     if not len(values):
         return values, values, values

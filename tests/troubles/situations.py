@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from dfcgs_codec.array_types import AnyArray
 from dfcgs_codec.cli import main
 
-Columns = Mapping[str, npt.NDArray[np.generic]]
+Columns = Mapping[str, AnyArray]
 _TYPE_NAMES = {"f4": "float", "f8": "double", "u1": "uchar", "u4": "uint", "i4": "int"}
 _NUM_REST = (0, 9, 24, 45)
 
@@ -98,5 +99,6 @@ def run(*arguments: str | Path) -> Outcome:
 
 
 def encode(frames: Path, target: Path, *options: str) -> Outcome:
-    """`dfcgs encode` in one process."""
-    return run("encode", frames, target, "--jobs", "1", *options)
+    """`dfcgs encode` in one process; unless a quality is asked for, none is searched for."""
+    qp = () if {"--quality", "--psnr", "--qp"} & set(options) else ("--qp", "27")
+    return run("encode", frames, target, "--jobs", "1", *qp, *options)

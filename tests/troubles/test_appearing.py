@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,10 +34,19 @@ def coded(frames: list[GaussianCloud], target: Path, **options: object) -> tuple
     return "".join(frame.kind[0] for frame in report.frames), error
 
 
+DIMMED = [(12, 12, 3, 0), (12, 0, 0, 0), (9, 6, 3, 0), (12, 12, 12, 0)]
+SHARES = [0.2, 0.5, 1.0]
+#: those of `make test`; all others are slow
+QUICK = [(DIMMED[0], 0.2), (DIMMED[1], 1.0), (DIMMED[2], 0.5)]
+
+
 @pytest.mark.parametrize(
-    "dimmed", [(12, 12, 3, 0), (12, 0, 0, 0), (9, 6, 3, 0), (12, 12, 12, 0)], ids=lambda d: str(d)
+    ("dimmed", "share"),
+    [
+        pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow, id=str(case))
+        for case in itertools.product(DIMMED, SHARES)
+    ],
 )
-@pytest.mark.parametrize("share", [0.2, 0.5, 1.0])
 def test_what_appears_is_as_good_as_in_an_i_frame(
     dimmed: tuple[float, ...], share: float, tmp_path: Path
 ) -> None:

@@ -64,7 +64,9 @@ def is_gone(session: int) -> bool:
     [("SIGTERM", 1, False), ("SIGHUP", 2, False), ("SIGQUIT", 1, True), ("SIGTERM", 2, True)],
 )
 def test_a_signal_leaves_nothing(name: str, jobs: int, group: bool, frames: Path, tmp_path: Path) -> None:
-    process = started("encode", frames, tmp_path / "out.dgs", "--gof-size", "2", "--jobs", str(jobs))
+    process = started(
+        "encode", frames, tmp_path / "out.dgs", "--gof-size", "2", "--qp", "27", "--jobs", str(jobs)
+    )
     wait_for(lambda: any(tmp_path.iterdir()))
     time.sleep(0.5 * (jobs - 1))
     (os.killpg if group else os.kill)(process.pid, getattr(signal, name))
@@ -78,7 +80,7 @@ def test_a_signal_leaves_nothing(name: str, jobs: int, group: bool, frames: Path
 
 
 def test_killed_at_once_it_leaves_no_process(frames: Path, tmp_path: Path) -> None:
-    process = started("encode", frames, tmp_path / "out.dgs", "--gof-size", "2", "--jobs", "2")
+    process = started("encode", frames, tmp_path / "out.dgs", "--gof-size", "2", "--qp", "27", "--jobs", "2")
     wait_for(lambda: any(tmp_path.iterdir()))
     time.sleep(0.5)
     process.kill()
@@ -89,10 +91,10 @@ def test_killed_at_once_it_leaves_no_process(frames: Path, tmp_path: Path) -> No
 
 def test_what_is_ignored_stays_so(tmp_path: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     """As with nohup."""
-    frames = sequence(tmp_path_factory.mktemp("short"), count=6)
+    frames = sequence(tmp_path_factory.mktemp("short"), count=4)
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        process = started("encode", frames, tmp_path / "out.dgs", "--quiet", "--jobs", "1")
+        process = started("encode", frames, tmp_path / "out.dgs", "--quiet", "--qp", "27", "--jobs", "1")
     finally:
         signal.signal(signal.SIGHUP, before)
     wait_for(lambda: any(tmp_path.iterdir()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder
 from dfcgs_codec.encoder.frame.report import EncodeReport
 from lab.options import encoder_options
 from lab.small_clouds import FIELDS, drifting, make_cloud, real_cloud, still
+from tests.helpers import taking_turns
 
 INPUT = OutputOrder.INPUT
 NUM_FRAMES = 4
@@ -58,8 +60,19 @@ def median_error(frames: list[GaussianCloud], decoded: list[GaussianCloud]) -> f
     return float(np.median(apart))
 
 
-@pytest.mark.parametrize("where", [(0,), (2,), (3,), (0, 1, 2, 3)], ids=str)
-@pytest.mark.parametrize("far", [1e3, 1e5, 1e8, 1e12, 1e35])
+FAR = [1e3, 1e5, 1e8, 1e12, 1e35]
+WHERE = [(0,), (2,), (3,), (0, 1, 2, 3)]
+#: those of `make test`; all others are slow
+QUICK = {(1e3, WHERE[0]), (1e5, WHERE[1]), (1e8, WHERE[2]), (1e12, WHERE[3]), (1e35, WHERE[0])}
+
+
+@pytest.mark.parametrize(
+    ("far", "where"),
+    [
+        pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow, id=str(case))
+        for case in itertools.product(FAR, WHERE)
+    ],
+)
 def test_one_far_gaussian(
     far: float,
     where: tuple[int, ...],
@@ -161,27 +174,28 @@ def test_coded_frames_refuse_what_is_not_finite(field: str, tmp_path: Path) -> N
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"positions": 1e-30}, "multiply positions"),
-        ({"positions": 1e-42}, "multiply positions"),
-        ({"positions": 0.0}, ""),
-        ({"positions": 1e20}, ""),
-        ({"positions": 1e33}, "scenes up to"),
-        ({"scales": 20.0}, ""),
-        ({"scales": 1e30}, ""),
-        ({"sh_dc": 1e30}, ""),
-        ({"opacities": 1e30}, ""),
-        ({"rotations": 1e-40}, ""),
-        ({"rotations": 1e30}, ""),
-    ],
+    ("case", "qp"),
+    taking_turns(
+        [
+            ({"positions": 1e-30}, "multiply positions"),
+            ({"positions": 1e-42}, "multiply positions"),
+            ({"positions": 0.0}, ""),
+            ({"positions": 1e20}, ""),
+            ({"positions": 1e33}, "scenes up to"),
+            ({"scales": 20.0}, ""),
+            ({"scales": 1e30}, ""),
+            ({"sh_dc": 1e30}, ""),
+            ({"opacities": 1e30}, ""),
+            ({"rotations": 1e-40}, ""),
+            ({"rotations": 1e30}, ""),
+        ],
+        (0, 51),
+    ),
     ids=str,
 )
-@pytest.mark.parametrize("qp", [0, 51])
-def test_numbers_at_the_end_of_floats(
-    changes: dict[str, float], words: str, qp: float, tmp_path: Path
-) -> None:
+def test_numbers_at_the_end_of_floats(case: tuple[dict[str, float], str], qp: float, tmp_path: Path) -> None:
     """Coded, or refused in words; no warning of numpy's, no traceback."""
+    changes, words = case
     cloud = make_cloud(300, 1)
     changed = {name: getattr(cloud, name) * np.float32(by) for name, by in changes.items()}
     frames = (

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from dfcgs_codec import decode_sequence, probe
+from dfcgs_codec.array_types import AnyArray
 from dfcgs_codec.ply.formats import reader_installed
 from tests.helpers import ROOT
 from tests.troubles import foreign_formats as foreign
@@ -24,7 +24,7 @@ SECTIONS = dict(re.findall(r"^## (.*?)\n(.*?)(?=^## |\Z)", PAGE, re.DOTALL | re.
 LAST = 10
 NUMBERS = range(1, LAST + 1)
 N = 30
-Columns = dict[str, npt.NDArray[np.generic]]
+Columns = dict[str, AnyArray]
 Build = Callable[[], None]
 
 
@@ -87,7 +87,7 @@ def hicom() -> None:
 def tracked() -> None:
     frames = [frame(number) for number in range(LAST + 1)]
 
-    def stacked(*names: str) -> npt.NDArray[np.generic]:
+    def stacked(*names: str) -> AnyArray:
         return np.stack([np.stack([columns[name] for name in names], axis=1) for columns in frames])
 
     path = Path("output/exp1/basketball/params.npz")
@@ -147,7 +147,8 @@ def run_line(line: str) -> None:
     """A command of the page: `dfcgs`, or one of the two others that it has."""
     command, *arguments = shlex.split(line)
     if command == "dfcgs":
-        done = run(*arguments, *(["--jobs", "1"] if arguments[0] == "encode" else []))
+        # in one process, and at a QP: no quality is searched for
+        done = run(*arguments, *(["--jobs", "1", "--qp", "27"] if arguments[0] == "encode" else []))
         assert done.code == 0, done.err
     elif command == "mkdir":
         assert arguments[0] == "-p"

@@ -16,7 +16,7 @@ import pytest
 
 from dfcgs_codec import EncoderOptions, GaussianCloud, InputError, VerificationError, encode_sequence
 from dfcgs_codec.encoder.frame import encoder as encoding
-from dfcgs_codec.files import replace_folder_when_whole, replace_when_whole, syncing
+from dfcgs_codec.files import replace_folder_when_whole, replace_when_whole, system
 from dfcgs_codec.ply import PlyHeader
 from lab.small_clouds import drifting, make_cloud
 from tests.troubles.situations import Outcome, encode, run, sequence
@@ -432,7 +432,7 @@ def test_frames_are_on_the_disk_before_they_have_their_names(
     if exists:
         target.mkdir()
     done: list[str] = []
-    monkeypatch.setattr(syncing, "sync_open", lambda descriptor: done.append("sync"))
+    monkeypatch.setattr(system, "sync_open", lambda descriptor: done.append("sync"))
     rename = os.rename
     monkeypatch.setattr(os, "rename", lambda a, b: (done.append("rename"), rename(a, b)))
     with replace_folder_when_whole(target, force=False) as folder:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from dfcgs_codec import (
@@ -25,6 +24,7 @@ from dfcgs_codec import (
     encode_sequence,
     probe,
 )
+from dfcgs_codec.array_types import Float32
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder, Profile
 from dfcgs_codec.encoder.plan.tuning import MotionMode, RefinementMode
 from lab.options import encoder_options
@@ -32,7 +32,7 @@ from lab.small_clouds import FIELDS, drifting, make_cloud
 from tests.helpers import write_frames
 
 FRAMES = drifting(make_cloud(30, 1), 3)
-QUICK = encoder_options(motion="off", balance=False)
+QUICK = encoder_options(qp=27, motion="off", balance=False)
 RATE = "a frame rate such as 30, 29.97"
 
 
@@ -150,8 +150,9 @@ def test_jobs_of_none_are_all_cores() -> None:
 
 
 def test_options_given_in_words_code_the_same(tmp_path: Path) -> None:
-    words = encoder_options(order="input", motion="off", frame_rate="29.97", bounds={"sh": 0.1})
+    words = encoder_options(qp=27, order="input", motion="off", frame_rate="29.97", bounds={"sh": 0.1})
     members = encoder_options(
+        qp=27,
         order=OutputOrder.INPUT,
         motion=MotionMode.OFF,
         frame_rate=Fraction(2997, 100),
@@ -276,22 +277,22 @@ def test_other_arguments_are_refused(others: dict[str, Any], expected: str, tmp_
 class Tensor:
     """What a framework keeps in main memory."""
 
-    def __init__(self, array: npt.NDArray[np.float32], error: Exception | None = None) -> None:
+    def __init__(self, array: Float32, error: Exception | None = None) -> None:
         self._array, self._error = array, error
 
-    def __array__(self, dtype: Any = None, copy: Any = None) -> npt.NDArray[np.float32]:
+    def __array__(self, dtype: Any = None, copy: Any = None) -> Float32:
         if self._error:
             raise self._error
         return self._array
 
 
-def spread(array: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def spread(array: Float32) -> Float32:
     wide = np.zeros((2 * len(array), *array.shape[1:]), np.float32)
     wide[::2] = array
     return wide[::2]
 
 
-ARRAYS: dict[str, Callable[[npt.NDArray[np.float32]], Any]] = {
+ARRAYS: dict[str, Callable[[Float32], Any]] = {
     "big-endian": lambda array: array.astype(">f4"),
     "columns first": np.asfortranarray,
     "every second row": spread,

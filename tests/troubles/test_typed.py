@@ -46,7 +46,7 @@ WORKS = {
 @pytest.mark.parametrize("situation", WORKS)
 def test_it_works(situation: str, home: Path) -> None:
     arguments, count, words = WORKS[situation]
-    done = run("encode", *arguments, "out.dgs", "--jobs", "1")
+    done = run("encode", *arguments, "out.dgs", "--jobs", "1", "--qp", "27")
     assert done.code == 0, done.err
     assert [frame.frame_number for frame in probe(home / "out.dgs").frames] == list(range(count))
     for word in words:
@@ -116,7 +116,7 @@ def test_the_advice_works(situation: str, home: Path) -> None:
     refused = act(home)
     assert refused.code == 1
     assert "dfcgs encode " + " ".join(arguments) in refused.err
-    assert run("encode", *arguments, "--jobs", "1").code == 0
+    assert run("encode", *arguments, "--jobs", "1", "--qp", "27").code == 0
 
 
 def test_order_by_reaches_the_frames(home: Path) -> None:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from dfcgs_codec.ply import PlyHeader
 from lab.small_clouds import drifting, make_cloud
 from tests.troubles.situations import run, sequence
 
-OPTIONS = EncoderOptions(gof_size=1, jobs=2)
+OPTIONS = EncoderOptions(gof_size=1, jobs=2, qp=27)
 FRAMES = drifting(make_cloud(50), 4)
 
 
@@ -29,7 +30,7 @@ FRAMES = drifting(make_cloud(50), 4)
 def expected(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The bytes of the sequence, coded by one process."""
     path = tmp_path_factory.mktemp("expected") / "a.dgs"
-    encode_sequence(FRAMES, path, EncoderOptions(gof_size=1, jobs=1))
+    encode_sequence(FRAMES, path, replace(OPTIONS, jobs=1))
     return path.read_bytes()
 
 
@@ -51,7 +52,7 @@ class OwnSource:
 
 SCRIPT = """print("the script begins")
 from dfcgs_codec import EncoderOptions, encode_sequence
-print(encode_sequence("frames", "out.dgs", EncoderOptions(gof_size=1, jobs=2)).notes)
+print(encode_sequence("frames", "out.dgs", EncoderOptions(gof_size=1, jobs=2, qp=27)).notes)
 """
 
 

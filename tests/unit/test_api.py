@@ -17,7 +17,7 @@ from dfcgs_codec.ply import PlyHeader
 from dfcgs_codec.sequence import MemorySource, open_folder
 from lab.chunks import join_chunks, split_chunks
 from lab.small_clouds import drifting, make_cloud, still
-from tests.helpers import frame_hashes, write_frames
+from tests.helpers import QUICK, frame_hashes, write_frames
 
 FRAMES = drifting(make_cloud(30, 1), 3)
 
@@ -54,7 +54,7 @@ def test_all_kinds_of_frames_give_the_same_file(tmp_path: Path) -> None:
     ]
     files = set()
     for index, frames in enumerate(kinds):
-        encode_sequence(frames, tmp_path / f"{index}.dgs")
+        encode_sequence(frames, tmp_path / f"{index}.dgs", QUICK)
         files.add((tmp_path / f"{index}.dgs").read_bytes())
     assert len(files) == 1
 

@@ -9,15 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Int64
 from lab.render import Camera, CloudGradient
 from lab.scenes import rotations
 from training.fitting.adam import Adam
-
-Float32 = npt.NDArray[np.float32]
-Bool = npt.NDArray[np.bool_]
-Int64 = npt.NDArray[np.int64]
 
 #: mean gradient by the place in the image, whose half width and height are 1, above which a Gaussian is dense
 GRADIENT = 1.2e-4

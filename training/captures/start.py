@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from lab.captures.captures import Capture
-from lab.meshes.asset import Float64
 from lab.render import Camera
 
 #: nearest and farthest first point, shares of the rig's distance to its target

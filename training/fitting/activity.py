@@ -8,14 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.render import View, render, render_backward
 from training.fitting.capture import SH_C0, painted
-
-Float32 = npt.NDArray[np.float32]
-Int64 = npt.NDArray[np.int64]
 
 #: mean change of brightness (0 to 1) that counts as motion
 THRESHOLD = 0.008

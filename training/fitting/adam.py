@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-Float32 = npt.NDArray[np.float32]
+from dfcgs_codec.array_types import AnyArray, Bool, Float32, Int64
 
 _FIRST, _SECOND = 0.9, 0.999
 #: as in 3DGS: gradients are tiny, and a larger one would slow faint Gaussians down
@@ -34,7 +32,7 @@ class Adam:
             square += np.float32(1.0 - _SECOND) * (gradient * gradient - square)
             array -= np.float32(correction) * rates[name] * mean / (np.sqrt(square) + _EPSILON)
 
-    def select(self, rows: npt.NDArray[np.int64], fresh: npt.NDArray[np.bool_]) -> None:
+    def select(self, rows: Int64, fresh: Bool) -> None:
         """Go on with `rows` of every array, some more than once; those that are `fresh` without a past."""
         self.values = {name: array[rows] for name, array in self.values.items()}
         for past in (self._mean, self._square):
@@ -47,14 +45,14 @@ class Adam:
         self._mean[name][:] = 0.0
         self._square[name][:] = 0.0
 
-    def arrays(self) -> dict[str, npt.NDArray[np.generic]]:
+    def arrays(self) -> dict[str, AnyArray]:
         """All that `from_arrays` needs."""
         kinds = {"value": self.values, "mean": self._mean, "square": self._square}
         found = {f"{kind}_{name}": array for kind, part in kinds.items() for name, array in part.items()}
         return {"steps": np.array(self.steps), **found}
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Adam:
+    def from_arrays(cls, arrays: Mapping[str, AnyArray]) -> Adam:
         """As it was when `arrays` were taken."""
 
         def part(kind: str) -> dict[str, Float32]:

@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Float32, Float64
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.render import Camera, View, orbit, render
 from training.fitting.sequences import TrueFrame
-
-Float32 = npt.NDArray[np.float32]
-Bool = npt.NDArray[np.bool_]
 
 NUM_TRAINING, NUM_HELD_OUT = 20, 4
 #: width and height, pixels
@@ -80,5 +77,5 @@ def psnr(cloud: GaussianCloud, views: Sequence[View], masks: Sequence[Bool] | No
     return _decibels(np.concatenate([error.reshape(-1) for error in errors]))
 
 
-def _decibels(squared_errors: npt.NDArray[np.float64]) -> float:
+def _decibels(squared_errors: Float64) -> float:
     return float(-10.0 * np.log10(max(squared_errors.mean(), 1e-12)))

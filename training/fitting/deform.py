@@ -13,14 +13,11 @@ A turn is a rotation vector, applied after the Gaussian's own rotation.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
+from dfcgs_codec.array_types import Float32, Float64
 from lab.scenes import rotations
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
 
 GAUSSIANS_PER_NODE = 60
 NODES_PER_GAUSSIAN = 4

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from dfcgs_codec.array_types import Bool, Int64
 from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from lab.render import View
 from training.fitting.adam import Adam, decayed
@@ -46,9 +46,7 @@ def rough_cloud(truth: TrueFrame, sequence: FittedSequence) -> GaussianCloud:
     return GaussianCloud(*(np.ascontiguousarray(array, dtype=np.float32) for array in arrays))
 
 
-def _subset(
-    is_character: npt.NDArray[np.bool_], sequence: FittedSequence, rng: np.random.Generator
-) -> npt.NDArray[np.int64]:
+def _subset(is_character: Bool, sequence: FittedSequence, rng: np.random.Generator) -> Int64:
     character, stage = np.flatnonzero(is_character), np.flatnonzero(~is_character)
     return np.concatenate(
         [

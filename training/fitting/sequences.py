@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.assets import find_asset
 from lab.scenes.animated import animated_sequence
@@ -43,7 +43,7 @@ class TrueFrame:
     """A frame of the truth and which of its Gaussians are the character's, (N,) bool."""
 
     cloud: GaussianCloud
-    is_character: npt.NDArray[np.bool_]
+    is_character: Bool
 
 
 #: for training and for evaluation: no character and no clip in common

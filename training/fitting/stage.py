@@ -6,9 +6,9 @@ from dataclasses import fields
 
 import numpy as np
 
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.meshes import appearance
-from lab.meshes.asset import Float64
 from lab.scenes import rotations
 from lab.scenes.fields import SmoothField
 

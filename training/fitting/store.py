@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float16, Float32, Floats, Int64
 from dfcgs_codec.gaussians import GaussianCloud
-from lab.scenes.fitted import ABOUT, FIRST, VERSION, Float16, Int64, read_about, step_name
+from lab.scenes.fitted import ABOUT, FIRST, VERSION, read_about, step_name
 
 #: members carry this time, so that equal sequences are equal files
 _TIME = (1980, 1, 1, 0, 0, 0)
@@ -50,7 +50,7 @@ def shortened(cloud: GaussianCloud) -> GaussianCloud:
     return GaussianCloud(**{name: _shortened(getattr(cloud, name)) for name in names})
 
 
-def _shortened(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _shortened(values: Float32) -> Float32:
     bits = np.ascontiguousarray(values).view(np.uint32)
     return ((bits + np.uint32(0x80)) & np.uint32(0xFFFFFF00)).view(np.float32)
 
@@ -90,14 +90,14 @@ def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
     archive.writestr(zipfile.ZipInfo(name, _TIME), packed)
 
 
-def _table(cloud: GaussianCloud) -> npt.NDArray[np.float32]:
+def _table(cloud: GaussianCloud) -> Float32:
     n = cloud.num_gaussians
     rest = cloud.sh_rest.reshape(n, -1)
     columns = (cloud.positions, cloud.rotations, cloud.scales, cloud.opacities[:, None], cloud.sh_dc, rest)
     return np.concatenate(columns, axis=1)
 
 
-def _planes(table: npt.NDArray[np.floating]) -> bytes:
+def _planes(table: Floats) -> bytes:
     """(rows, columns) -> the bytes of (columns, rows) values: all first ones, all second ones, ..."""
     little = np.ascontiguousarray(table.T).astype(table.dtype.newbyteorder("<"))
     planes = little.view(np.uint8).reshape(*little.shape, table.dtype.itemsize)

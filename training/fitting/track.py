@@ -6,19 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from dfcgs_codec.array_types import Float32, Int64
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.render import View
 from training.fitting.activity import NEIGHBOURS, THRESHOLD, activity
 from training.fitting.adam import Adam, decayed
 from training.fitting.deform import Deformation, turn_gradient, turned
 from training.fitting.loss import loss_gradient
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 #: scene units or radians per step, at the first step; the last step has FINAL_SHARE of it
 RATES = {"node_shift": 2e-3, "node_turn": 3e-3, "shift": 6e-4, "turn": 3e-3}

@@ -46,7 +46,7 @@ def build_parser() -> argparse.ArgumentParser:
     export.add_argument("--part", choices=PARTS, default="all", help="networks that have so few bits")
     report = commands.add_parser("report", help="figures by sequence, float and integer, as JSON")
     report.add_argument("run", type=Path)
-    report.add_argument("--model", type=Path, help="NAME.npz of the exported model")
+    report.add_argument("--model", type=Path, help="NAME.weights of the exported model")
     report.add_argument("--pictures", action="store_true", help="PSNR of sequences held back, too")
     return parser
 

@@ -1,8 +1,7 @@
-"""Float networks -> the two files of an integer model: `<id>.npz` and `<id>.json`."""
+"""Float networks -> the two files of an integer model: `<id>.weights` and `<id>.json`."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import os
@@ -11,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from dfcgs_codec.array_types import AnyArray, Float64, Int16, Int32
 from dfcgs_codec.entropy.tables import frequencies_from_cdf
 from dfcgs_codec.errors import InputError
+from dfcgs_codec.model.weights_file import ENDING, digest_of, file_of
 from training.paper.coding import closed_loop, frame_prior
 from training.paper.data import Data
 from training.paper.factorised import FactorisedModel
@@ -24,8 +24,7 @@ from training.paper.integers import EXACT, HYPER_REACH, IntegerLayer
 from training.paper.nets import ACTIVATION_LIMIT, GRID_BITS, GRID_LIMIT, LEAKY_SHIFT, PARTS, Net, PaperModel
 from training.paper.train import Run
 
-Arrays = dict[str, npt.NDArray[Any]]
-Int16 = npt.NDArray[np.int16]
+Arrays = dict[str, AnyArray]
 #: hidden activations seen on training data are at most 1 / this of their limit
 HEAD_ROOM = 2.0
 NUM_CALIBRATION_GOFS = 24
@@ -72,7 +71,7 @@ def _fraction_bits(largest: float, limit: int, most: int) -> int:
     return min(most, math.floor(math.log2(limit / max(largest, 2.0**-40))))
 
 
-def _integer_weight(weight: npt.NDArray[np.float64], limit: int, least: int) -> tuple[Int16, int]:
+def _integer_weight(weight: Float64, limit: int, least: int) -> tuple[Int16, int]:
     """Weights within `limit` and their fraction bits, at least `least`: by zeros at the end of each."""
     bits = _fraction_bits(float(np.abs(weight).max()), limit, _MAX_WEIGHT_FRACTION)
     missing = max(0, least - bits)
@@ -113,7 +112,7 @@ def _check_sums(name: str, net: Net, layers: list[IntegerLayer]) -> None:
     assert tuple(len(layer.bias) for layer in layers) == net.shape.widths[1:]
 
 
-def hyper_frequencies(model: FactorisedModel) -> npt.NDArray[np.int32]:
+def hyper_frequencies(model: FactorisedModel) -> Int32:
     """(16, 63): of z from -31 to 31, all beyond in the ends; each row sums to 2**24."""
     edges = torch.arange(-HYPER_REACH, HYPER_REACH, dtype=torch.float64) + 0.5
     with torch.no_grad():
@@ -145,18 +144,6 @@ def integer_arrays(
     return arrays
 
 
-def digest(arrays: Arrays) -> str:
-    """SHA-256 over names, types, shapes and bytes of the arrays, by name, little-endian."""
-    total = hashlib.sha256()
-    for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
-        array = array.astype(array.dtype.newbyteorder("<"), copy=False)
-        kind = array.dtype.str
-        total.update(name.encode() + b"\0" + kind.encode() + b"\0" + repr(array.shape).encode() + b"\0")
-        total.update(array.tobytes())
-    return total.hexdigest()
-
-
 def _networks(model: PaperModel, arrays: Arrays) -> dict[str, Any]:
     found = {}
     for name, net in model.nets.items():
@@ -179,11 +166,11 @@ def _commit() -> str:
 def export_run(
     run: Run, data: Data, target: Path, bits: tuple[int, int] = FULL_BITS, part: str = "all"
 ) -> Path:
-    """Write `target`.npz and `target`.json; the path of the first."""
+    """Write `target`.weights and `target`.json; the path of the first."""
     arrays = integer_arrays(run.model, data, bits, part)
     about = {
         "model_id": target.name,
-        "sha256": digest(arrays),
+        "sha256": digest_of(arrays).hex(),
         "nets": _networks(run.model, arrays),
         "bits": {"weights": bits[0], "activations": bits[1], "of": part},
         "training": {
@@ -198,13 +185,10 @@ def export_run(
         },
     }
     target.parent.mkdir(parents=True, exist_ok=True)
-    weights, description = (target.with_name(f"{target.name}.{end}") for end in ("npz", "json"))
-    for path in (weights, description):
+    weights, description = (target.with_name(target.name + ending) for ending in (ENDING, ".json"))
+    text = json.dumps(about, indent=1) + "\n"
+    for path, data in ((weights, file_of(arrays)), (description, text.encode())):
         partial = path.with_name(path.name + ".tmp")
-        with partial.open("wb") as file:
-            if path is weights:
-                np.savez(file, **arrays)
-            else:
-                file.write(json.dumps(about, indent=1).encode() + b"\n")
+        partial.write_bytes(data)
         os.replace(partial, path)
     return weights

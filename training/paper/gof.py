@@ -7,14 +7,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float16, Float64, Int32, Int64, Integers
 from lab.render.camera import Camera
-
-Int32 = npt.NDArray[np.int32]
-Int64 = npt.NDArray[np.int64]
-Float16 = npt.NDArray[np.float16]
-Float64 = npt.NDArray[np.float64]
 
 #: frames of a GoF, the I-frame among them
 NUM_FRAMES = 5
@@ -79,7 +74,7 @@ def camera_row(camera: Camera) -> Float64:
     return np.append(camera.world_to_camera.reshape(-1), [camera.fx, camera.fy, camera.cx, camera.cy])
 
 
-def normalisation(positions: npt.NDArray[np.integer]) -> tuple[Int64, int]:
+def normalisation(positions: Integers) -> tuple[Int64, int]:
     """Centre (3,) and e of grid `positions` (N, 3): the bulk of (p - centre) / 2**e lies in [-1, 1]."""
     ranked = np.sort(positions.astype(np.int64), axis=0)
     count = len(ranked)

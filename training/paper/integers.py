@@ -6,13 +6,12 @@ acc = weight @ x + bias;  v = clip(acc >> shift, -limit, limit);  where leaky, v
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from dfcgs_codec.array_types import AnyArray, Int16, Int32, Int64
 from training.paper.inputs import INPUT_BITS
 from training.paper.nets import (
     GRID_BITS,
@@ -22,8 +21,6 @@ from training.paper.nets import (
     Shape,
 )
 
-Int16 = npt.NDArray[np.int16]
-Int64 = npt.NDArray[np.int64]
 #: float64 holds integers below this exactly
 EXACT = 1 << 53
 #: z from -31 to 31; the ends are escapes
@@ -68,7 +65,7 @@ def evaluate_torch(layers: list[IntegerLayer], values: Tensor) -> Tensor:
     return values
 
 
-def layers_of(arrays: dict[str, npt.NDArray[Any]], name: str) -> list[IntegerLayer]:
+def layers_of(arrays: dict[str, AnyArray], name: str) -> list[IntegerLayer]:
     """Of one network of a model file; empty where it is absent."""
     layers = []
     while f"{name}.{len(layers)}.weight" in arrays:
@@ -95,7 +92,7 @@ class IntegerNet(nn.Module):
 class _Frequencies(nn.Module):
     """Stands for the factorised model: bits by the tables of the file."""
 
-    def __init__(self, frequencies: npt.NDArray[np.int32]) -> None:
+    def __init__(self, frequencies: Int32) -> None:
         super().__init__()
         self.table = FREQUENCY_BITS - torch.log2(torch.from_numpy(frequencies.astype(np.float32)))
 
@@ -109,7 +106,7 @@ class _Frequencies(nn.Module):
 class IntegerModel(PaperModel):
     """An exported model in the place of a float one, for figures."""
 
-    def __init__(self, arrays: dict[str, npt.NDArray[Any]]) -> None:
+    def __init__(self, arrays: dict[str, AnyArray]) -> None:
         super().__init__()
         found = {name: layers_of(arrays, name) for name in SHAPES}
         self.nets = nn.ModuleDict({n: IntegerNet(found[n], SHAPES[n]) for n in SHAPES if found[n]})

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float16, Float64, Int64
 from dfcgs_codec.bitstream.constants import MAX_DECAY_EXPONENT, Attribute, Profile
 from dfcgs_codec.bitstream.motion_header import SpreadHeader
 from dfcgs_codec.codec.motion.compensation import ControlSource
+from dfcgs_codec.codec.paper.latent_motion import LatentControl
 from dfcgs_codec.codec.state.planes import SH_BANDS, FrameState
-from dfcgs_codec.encoder.frame.frame_coding import IntraTask, code_intra_frame
+from dfcgs_codec.encoder.frame.frame_coding import coded_intra
 from dfcgs_codec.encoder.frame.targets import Planes, Targets
 from dfcgs_codec.encoder.matching.identity import Members
 from dfcgs_codec.encoder.plan.allocation import Placing
@@ -27,8 +28,6 @@ from dfcgs_codec.sequence import MemorySource
 from lab.assets import find_asset
 from lab.scenes.catalogue import Scene, group, scene
 from training.paper.gof import NUM_FRAMES, Gof, camera_row, normalisation
-
-Int64 = npt.NDArray[np.int64]
 
 #: frame steps, and QPs of I-frames, in turn; the number of GoFs of a sequence is that of the steps
 STRIDES = (1, -1, 2, 1, -2, 1, 3, -1)
@@ -110,11 +109,10 @@ def _decoded_first(plan: SequencePlan, planes: Planes) -> tuple[FrameState, Memb
     placing, quantisation = Placing.of(planes, plan), plan.quantisation
     order, grid = placing.intra.order(planes[Attribute.POSITION])
     members = Members(order, placing.names.take(order))
-    wanted = placing.intra.target(
-        members.target(planes), order, quantisation, plan.options.tuning.intra_zero_bin
-    )
-    task = IntraTask(replace(wanted, keeps_names=True), grid)
-    return code_intra_frame(0, task, plan.gof_setup).state.frame, members
+    zero_bin = plan.options.tuning.intra_zero_bin
+    wanted = placing.intra.target(members.target(planes), (order, grid), quantisation, zero_bin)
+    wanted = replace(wanted, keeps_names=True)
+    return coded_intra(plan.writer(0), wanted, plan.control).state.frame, members
 
 
 def prepare_gof(
@@ -137,12 +135,12 @@ def prepare_gof(
     later = [members.target(targets.planes(cloud)) for cloud in clouds[1:]]
     first = {attribute: plane.wide() for attribute, plane in state.planes.items()}
     frames = [first, *later]
-    source = ControlSource(state.planes[Attribute.POSITION], plan.gof_setup.control)
+    control = LatentControl(ControlSource(state.planes[Attribute.POSITION], plan.control))
     centre, extent_log2 = normalisation(first[Attribute.POSITION])
     # distances in units of the normalised scene: networks do not see how large a scene unit is
-    exponent = plan.gof_setup.control.shift - extent_log2
+    exponent = plan.control.shift - extent_log2
     exponent = int(np.clip(exponent, -MAX_DECAY_EXPONENT, MAX_DECAY_EXPONENT))
-    spreading = source.spreading(SpreadHeader(layout.num_neighbours, exponent))
+    spreading = control.spreading(SpreadHeader(layout.num_neighbours, exponent))
     units = plan.header.unit_exponents
     images, cameras = _pictures(clouds, up, num_views)
     colours = [first[a] for a in (Attribute.SH_DC, *SH_BANDS) if a in first]
@@ -155,7 +153,7 @@ def prepare_gof(
         units=np.array([units.position, units.scale, units.opacity, units.color], np.int64),
         centre=centre,
         extent_log2=np.array(extent_log2),
-        control=source.points()[1],
+        control=control.points[1],
         neighbours=spreading.gaussians,
         weights=spreading.weights,
         images=images,
@@ -163,9 +161,7 @@ def prepare_gof(
     )
 
 
-def _pictures(
-    clouds: list[GaussianCloud], up: str, num_views: int
-) -> tuple[npt.NDArray[np.float16], npt.NDArray[np.float64]]:
+def _pictures(clouds: list[GaussianCloud], up: str, num_views: int) -> tuple[Float16, Float64]:
     """Images of the P-frames and their cameras, as `Gof` has them; without views no renderer is needed."""
     if not num_views:
         return np.zeros((0, len(clouds) - 1, 1, 1, 3), np.float16), np.zeros((0, 20))

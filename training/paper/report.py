@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from dfcgs_codec.errors import InputError
+from dfcgs_codec.model.weights_file import read_arrays
 from training.paper.coding import closed_loop, frame_prior, latents_of
 from training.paper.config import HELD_BACK, STEPS
 from training.paper.gof import Gof
@@ -106,8 +107,7 @@ def report_run(run: Run, folder: Path, model_file: Path | None, *, pictures: boo
     """Of the float networks at all steps that were trained, and of the integer ones beside them."""
     models: dict[str, PaperModel] = {"float": run.model}
     if model_file is not None:
-        with np.load(model_file) as arrays:
-            models["integer"] = IntegerModel(dict(arrays))
+        models["integer"] = IntegerModel(read_arrays(model_file))
     found: dict[str, Any] = {"held_back": list(HELD_BACK), "steps": {}}
     for step_log2 in STEPS:
         by_model = {name: figures(model, folder, 2.0**step_log2) for name, model in models.items()}

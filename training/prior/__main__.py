@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 
 from dfcgs_codec.model.context_model import ContextModel
@@ -24,11 +25,12 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help=f"default {RECORDINGS}")
     commands = parser.add_subparsers(dest="command", required=True)
     recording = commands.add_parser("record", help="record the codec on the training scenes; goes on")
-    recording.add_argument("--model", type=Path, help="NAME.npz that streams are coded with meanwhile")
+    recording.add_argument("--takes", type=int, help="only the first so many (default all)")
+    recording.add_argument("--model", type=Path, help="NAME.weights that streams are coded with meanwhile")
     training = commands.add_parser("train", help="networks and tables from the recordings")
-    training.add_argument("--out", type=Path, required=True, help="NAME of the model: NAME.npz, NAME.json")
+    training.add_argument("--out", type=Path, required=True, help="NAME.weights and NAME.json")
     training.add_argument("--steps", type=int, default=6000, help="of each network")
-    training.add_argument("--width", type=int, default=16, help="of both hidden layers")
+    training.add_argument("--width", type=int, default=8, help="of both hidden layers")
     training.add_argument("--seed", type=int, default=1)
     training.add_argument("--without", nargs="*", default=[], help="groups of inputs that are not looked at")
     training.add_argument("--without-kinds", action="store_true", help="tables by class alone")
@@ -36,10 +38,10 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _record(folder: Path, start: Path | None) -> None:
+def _record(folder: Path, start: Path | None, num_takes: int | None) -> None:
     arrays = untrained_arrays() if start is None else read_arrays(start)
     model = ContextModel.of_arrays(RECORDED, arrays)
-    for index, take in enumerate(takes()):
+    for index, take in enumerate(islice(takes(), num_takes)):
         path = folder / f"{take.name}.{take.qp:g}.npz"
         if path.exists():
             continue
@@ -94,7 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command."""
     args = build_parser().parse_args(arguments)
     if args.command == "record":
-        _record(args.recordings, args.model)
+        _record(args.recordings, args.model, args.takes)
     else:
         _train(args)
 

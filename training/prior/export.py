@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64, Integers, UInt8
 from dfcgs_codec.model.context_model import (
     ACTIVATION_LIMIT,
     INPUT_LIMIT,
@@ -16,7 +16,7 @@ from dfcgs_codec.model.context_model import (
     NUM_FLAG_CLASSES,
     ClassNetwork,
 )
-from dfcgs_codec.model.weights_file import digest_of
+from dfcgs_codec.model.weights_file import ENDING, digest_of, write_arrays
 from training.prior.nets import (
     CLASSES_PER_LOGIT,
     CLASSES_PER_OCTAVE,
@@ -26,8 +26,7 @@ from training.prior.nets import (
     ClassNet,
 )
 
-Arrays = dict[str, npt.NDArray[np.integer]]
-Float64 = npt.NDArray[np.float64]
+Arrays = dict[str, Integers]
 _EXACT = 1 << 24
 _LARGEST_WEIGHT = (1 << 15) - 1
 _MAX_SHIFT = 23
@@ -68,7 +67,7 @@ def network_arrays(net: ClassNet, name: str) -> Arrays:
     return arrays
 
 
-def integer_classes(arrays: Arrays, name: str, inputs: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
+def integer_classes(arrays: Arrays, name: str, inputs: UInt8) -> Int64:
     """Classes (rows,) by the runtime's network."""
     classes = NUM_FLAG_CLASSES if name == "flags" else NUM_CLASSES
     network = ClassNetwork.of(arrays, name, (inputs.shape[1], 0), classes)
@@ -76,10 +75,10 @@ def integer_classes(arrays: Arrays, name: str, inputs: npt.NDArray[np.uint8]) ->
 
 
 def write_model(arrays: Arrays, target: Path, about: dict[str, Any]) -> Path:
-    """Write `target`.npz and `target`.json; the path of the first."""
+    """Write `target`.weights and `target`.json; the path of the first."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    path = target.with_suffix(".npz")
-    np.savez_compressed(path, **arrays)  # type: ignore[arg-type]
+    path = target.with_suffix(ENDING)
+    write_arrays(path, arrays)
     found = {"model_id": target.name, "sha256": digest_of(arrays).hex(), **about}
     shapes = {name: list(array.shape) for name, array in sorted(arrays.items())}
     target.with_suffix(".json").write_text(json.dumps(found | {"shapes": shapes}, indent=1) + "\n")

@@ -15,16 +15,15 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-import numpy.typing as npt
 
 from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, decode_sequence, encode_sequence
+from dfcgs_codec.array_types import AnyArray
 from dfcgs_codec.codec.columns.prior_column import Component
 from dfcgs_codec.codec.motion.control_points import ControlPrior
 from dfcgs_codec.codec.residual.walk import PriorContext
 from dfcgs_codec.model.context_model import ContextModel, Flags, Part
 from dfcgs_codec.model.registry import register
 
-Array = npt.NDArray[Any]
 #: frames of a recorded GoF
 NUM_FRAMES = 10
 #: symbols kept of one part of one stream
@@ -40,10 +39,10 @@ class Recording:
     `inputs` uint8, `cells` int8 (kind, fraction), `values` int32, `stream` int32: which stream it was.
     """
 
-    parts: dict[str, dict[str, list[Array]]] = field(default_factory=dict)
+    parts: dict[str, dict[str, list[AnyArray]]] = field(default_factory=dict)
     stream: int = 0
 
-    def add(self, name: str, **arrays: Array) -> None:
+    def add(self, name: str, **arrays: AnyArray) -> None:
         """More rows of a part."""
         known = self.parts.setdefault(name, {})
         for key, array in arrays.items():
@@ -65,7 +64,7 @@ class _Looker:
     recording: Recording
     rng: np.random.Generator
 
-    def prepare(self, common: Array) -> tuple[Array, Array]:
+    def prepare(self, common: AnyArray) -> tuple[AnyArray, AnyArray]:
         """The part's own sums, and the inputs themselves, row by row."""
         return _Prepared(self.part.prepare(common), common)  # type: ignore[return-value]
 
@@ -97,8 +96,8 @@ class _Looker:
 class _Prepared:
     """Sums with the inputs that made them; rows are taken of both."""
 
-    sums: Array
-    common: Array
+    sums: AnyArray
+    common: AnyArray
 
     def __getitem__(self, rows: Any) -> _Prepared:
         return _Prepared(self.sums[rows], self.common[rows])

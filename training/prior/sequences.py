@@ -1,4 +1,4 @@
-"""What is recorded: the training scenes, and their characters swaying, bending, twisting as a whole."""
+"""What is recorded: training scenes, captures, and characters swaying, bending, twisting as a whole."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import islice
 
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.assets import find_asset
-from lab.scenes.catalogue import scene
+from lab.scenes.catalogue import group, scene
 from lab.scenes.options import SceneOptions
 from lab.scenes.trained import trained_sequence
 from lab.scenes.variants import VARIANTS
@@ -46,7 +46,7 @@ class Take:
 
 def takes() -> Iterator[Take]:
     """All of them, in an order in which each needs the frames of its sequence once."""
-    for chosen in training_scenes():
+    for chosen in [*training_scenes(), *group("captures_training")]:
         frames = list(islice(chosen.frames(find_asset(chosen.asset)), NUM_FRAMES))
         for qp in QPS:
             yield Take(chosen.name, frames, qp)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.encoder.columns.side_information import table_costs
 from dfcgs_codec.entropy.coder import scale_model
 from dfcgs_codec.entropy.symbols import EXPLICIT_REACH
@@ -20,9 +20,6 @@ from dfcgs_codec.model.context_model import (
     cells_of,
 )
 from training.prior.nets import CLASSES_PER_LOGIT, CLASSES_PER_OCTAVE, EVEN_CLASS, UNIT_CLASS
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 #: symbols that the fitted curve counts as, where a cell has few
 _PRIOR_SYMBOLS = 64.0

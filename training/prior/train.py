@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
+from dfcgs_codec.array_types import AnyArray
 from dfcgs_codec.codec.columns.side_information import WEIGHT_FRACTION_BITS
 from dfcgs_codec.model.context_model import CONTROL_WEIGHTS
 from training.prior import tables
@@ -18,7 +18,6 @@ from training.prior.export import Arrays, integer_classes, network_arrays
 from training.prior.nets import Batch, ClassNet, FlagLoss, SymbolLoss
 from training.prior.untrained import untrained_arrays
 
-Array = npt.NDArray[Any]
 PARTS = ("flags", "columns", "control")
 BATCH = 4096
 
@@ -30,17 +29,15 @@ class Config:
     steps: int = 6000
     rate: float = 1e-2
     seed: int = 1
-    hidden: dict[str, tuple[int, ...]] = field(
-        default_factory=lambda: {"flags": (16, 16), "columns": (16, 16), "control": (16, 16)}
-    )
+    hidden: dict[str, tuple[int, ...]] = field(default_factory=lambda: dict.fromkeys(PARTS, (8, 8)))
     masked: dict[str, tuple[int, ...]] = field(default_factory=dict)
     #: whether a symbol's kind and the fraction of its prediction choose the table, too
     kinds: bool = True
 
 
-def load(folder: Path, part: str, names: list[str] | None = None) -> dict[str, Array]:
+def load(folder: Path, part: str, names: list[str] | None = None) -> dict[str, AnyArray]:
     """All rows of a part in the recordings of a folder."""
-    found: dict[str, list[Array]] = {}
+    found: dict[str, list[AnyArray]] = {}
     offset = 0
     for path in sorted(folder.glob("*.npz")):
         if path.stem == "start" or (names is not None and path.stem.split(".")[0] not in names):
@@ -56,7 +53,7 @@ def load(folder: Path, part: str, names: list[str] | None = None) -> dict[str, A
     return {key: np.concatenate(arrays) for key, arrays in found.items()}
 
 
-def train_part(data: dict[str, Array], part: str, config: Config) -> tuple[ClassNet, float]:
+def train_part(data: dict[str, AnyArray], part: str, config: Config) -> tuple[ClassNet, float]:
     """The network of a part, and the mean bits of its loss at the end."""
     torch.manual_seed(config.seed)
     inputs = torch.from_numpy(data["inputs"])
@@ -87,7 +84,7 @@ def train_part(data: dict[str, Array], part: str, config: Config) -> tuple[Class
     return net, recent
 
 
-def control_weights(folder: Path) -> Array:
+def control_weights(folder: Path) -> AnyArray:
     """Prediction weights (6, 8), Q8, of control points' columns: least squares, streams of equal weight."""
     weights = np.zeros(CONTROL_WEIGHTS)
     for column in range(CONTROL_WEIGHTS[0]):
@@ -106,7 +103,7 @@ def control_weights(folder: Path) -> Array:
             part = features[:, used] * scale[:, None]
             solution = np.linalg.lstsq(part, goal * scale, rcond=None)[0]
         weights[column, used] = solution
-    scaled: Array = np.clip(np.rint(weights * (1 << WEIGHT_FRACTION_BITS)), -1024, 1024).astype(np.int16)
+    scaled: AnyArray = np.clip(np.rint(weights * (1 << WEIGHT_FRACTION_BITS)), -1024, 1024).astype(np.int16)
     return scaled
 
 
@@ -132,7 +129,7 @@ def train(folder: Path, config: Config, log: Any = print, parts: tuple[str, ...]
     return arrays
 
 
-def _tables(arrays: Arrays, part: str, data: dict[str, Array], kinds: bool) -> Arrays:
+def _tables(arrays: Arrays, part: str, data: dict[str, AnyArray], kinds: bool) -> Arrays:
     classes = integer_classes(arrays, part, data["inputs"])
     values = data["values"].astype(np.int64)
     if part == "flags":

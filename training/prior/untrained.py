@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Integers
 from dfcgs_codec.entropy.symbols import EXPLICIT_REACH
 from dfcgs_codec.entropy.tables import FREQUENCY_BITS, NUM_SCALES, Shape, frequencies_from_weights
 from dfcgs_codec.model.context_model import (
@@ -20,7 +20,7 @@ from dfcgs_codec.model.context_model import (
     NUM_FLAG_INPUTS,
 )
 
-Arrays = dict[str, npt.NDArray[np.integer]]
+Arrays = dict[str, Integers]
 #: inputs of each network, common ones and others, and its classes
 WIDTHS = {
     "flags": (NUM_COMMON_INPUTS, NUM_FLAG_INPUTS, NUM_FLAG_CLASSES),

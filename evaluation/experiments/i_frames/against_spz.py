@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from dfcgs_codec import GaussianCloud
-from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute
+from dfcgs_codec.array_types import Bool, Floats, Int64
+from dfcgs_codec.bitstream.constants import STEREO_FRACTION_BITS, Attribute, OutputOrder, Profile
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
-from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.frame.gof_state import GofSetup
+from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec.state.planes import SH_BANDS, output
-from dfcgs_codec.encoder.frame.frame_coding import CodedFrame, IntraTask, code_intra_frame
+from dfcgs_codec.encoder.frame.chunk_writer import FrameWriter
+from dfcgs_codec.encoder.frame.frame_coding import CodedFrame, coded_intra
 from dfcgs_codec.encoder.frame.report import attribute_errors
 from dfcgs_codec.encoder.frame.targets import Targets, ordered
 from dfcgs_codec.encoder.intra.intra_plan import IntraPlan
@@ -36,8 +36,11 @@ from lab.record import write_result
 
 _SCENES = ("plant_114k_sh0.ply", "playbot_31k_sh2.ply", "playbot_125k_sh2.ply", "sushi_77k_sh3.ply")
 _UNITS = UnitExponents(position=-24, scale=-18, opacity=-18, color=-18)
-_SETUP = GofSetup(ControlHeader(70, 0), _UNITS)
-Errors = dict[str, npt.NDArray[np.floating]]
+_CONTROL = ControlHeader(70, 0)
+_SEQUENCE = SequenceHeader(
+    Profile.MAIN, 3, 3, OutputOrder.FREE, (30, 1), FrameNumbers.of([0]), _UNITS, "", bytes(8)
+)
+Errors = dict[str, Floats]
 
 
 def _steps(real: dict[Attribute, float]) -> dict[Attribute, int]:
@@ -61,24 +64,22 @@ class IntraFrame:
         self._cloud = replace(cloud, scales=scales, rotations=self._names.rename_rotations(cloud.rotations))
 
     @property
-    def axis_order(self) -> npt.NDArray[np.int64]:
+    def axis_order(self) -> Int64:
         """Old axis of each new one, (N, 3)."""
         return self._names.order
 
-    def _coded(
-        self, real: dict[Attribute, float], *, keeps_names: bool
-    ) -> tuple[CodedFrame, npt.NDArray[np.int64]]:
+    def _coded(self, real: dict[Attribute, float], *, keeps_names: bool) -> tuple[CodedFrame, Int64]:
         """With the same steps for all, and the order of its Gaussians."""
         steps = _steps(real)
         everything = frozenset(steps)
         quantisation = Quantisation(_UNITS, steps, everything, steps, everything)
         plan = IntraPlan.of(self._renamed, None, quantisation)
         order, grid = plan.order(self._renamed[Attribute.POSITION])
-        target = plan.target(ordered(self._renamed, order), order, quantisation, 0.5)
-        task = IntraTask(replace(target, keeps_names=keeps_names), grid)
-        return code_intra_frame(0, task, _SETUP), order
+        target = plan.target(ordered(self._renamed, order), (order, grid), quantisation, 0.5)
+        target = replace(target, keeps_names=keeps_names)
+        return coded_intra(FrameWriter(_SEQUENCE, None, 0), target, _CONTROL), order
 
-    def errors(self, real: dict[Attribute, float]) -> tuple[Errors, npt.NDArray[np.int64]]:
+    def errors(self, real: dict[Attribute, float]) -> tuple[Errors, Int64]:
         """Errors per Gaussian, in the order returned with them."""
         coded, order = self._coded(real, keeps_names=True)
         return attribute_errors(self._cloud.take(order), output(coded.state.frame, _UNITS)), order
@@ -88,7 +89,7 @@ class IntraFrame:
         return len(self._coded(real, keeps_names=False)[0].data)
 
 
-def _inside_clamps(cloud: GaussianCloud) -> dict[str, npt.NDArray[np.bool_]]:
+def _inside_clamps(cloud: GaussianCloud) -> dict[str, Bool]:
     """Which values SPZ can hold, shaped like `attribute_errors`."""
     alpha = 1 / (1 + np.exp(-cloud.opacities.astype(np.float64)))
     low, high = spz.LOG_SCALE_RANGE
@@ -105,7 +106,7 @@ def _inside_clamps(cloud: GaussianCloud) -> dict[str, npt.NDArray[np.bool_]]:
     }
 
 
-def _summary(errors: Errors, inside: dict[str, npt.NDArray[np.bool_]]) -> dict[str, dict[str, float]]:
+def _summary(errors: Errors, inside: dict[str, Bool]) -> dict[str, dict[str, float]]:
     """RMS and 99.9th percentile by attribute, over the values inside."""
     result = {}
     for name, values in errors.items():
@@ -182,9 +183,7 @@ def compare(path: Path, folder: Path) -> dict[str, Any]:
     }
 
 
-def _renamed_inside(
-    inside: dict[str, npt.NDArray[np.bool_]], frame: IntraFrame
-) -> dict[str, npt.NDArray[np.bool_]]:
+def _renamed_inside(inside: dict[str, Bool], frame: IntraFrame) -> dict[str, Bool]:
     """The masks under the codec's axis names."""
     return inside | {"scale": np.take_along_axis(inside["scale"], frame.axis_order, axis=1)}
 

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
 from dfcgs_codec import EncoderOptions, EncoderTuning, GaussianCloud, encode_sequence, probe
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.encoder.plan.quantiser_steps import (
     FINE_POSITION_QP_PER_OCTAVE,
     QP_PER_OCTAVE,
@@ -31,7 +31,6 @@ from lab.assets import find_asset, present
 from lab.record import write_result
 from lab.scenes.catalogue import Scene, group
 
-Float64 = npt.NDArray[np.float64]
 OCTAVES = tuple(range(-6, 5))
 TARGETS = (-34.0, -38.0, -42.0, -46.0, -50.0)
 _MOST_GAUSSIANS = 20_000

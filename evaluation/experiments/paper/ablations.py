@@ -4,8 +4,8 @@
 
 Sensitivity to K, M and L; control points against none (every Gaussian its own motion); and models other than
 the one of the package: without hyperprior, prior or refinement, or with fewer bits. FOLDER holds them as
-`<name>.npz` (`python -m training.paper`); without it their rows stay as they were. Bytes and PSNR are those
-of P-frames; figures land in `evaluation/results/paper_ablations.json` after every scene.
+`<name>.weights` (`python -m training.paper`); without it their rows stay as they were. Bytes and PSNR are of
+P-frames; figures land in `evaluation/results/paper_ablations.json` after every scene.
 """
 
 from __future__ import annotations
@@ -70,9 +70,9 @@ def _rows(
 
 def _without(folder: Path | None) -> dict[str, EncoderOptions]:
     """Control points and none; the latter needs a model of its own, for nothing is spread."""
-    if folder is None or not (folder / f"{DENSE}.npz").exists():
+    if folder is None or not (folder / f"{DENSE}.weights").exists():
         return {}
-    register(load_model(folder / f"{DENSE}.npz"))
+    register(load_model(folder / f"{DENSE}.weights"))
     dense = PAPER.tuned(control_spacing=1, num_neighbours=1, model_id=DENSE)
     return {WITH_POINTS: PAPER, WITHOUT_POINTS: dense}
 
@@ -80,7 +80,7 @@ def _without(folder: Path | None) -> dict[str, EncoderOptions]:
 def _models(folder: Path | None) -> dict[str, EncoderOptions]:
     """Settings of the models in a folder, which become known to the codec."""
     found = {}
-    for path in sorted(folder.glob("*.npz")) if folder else []:
+    for path in sorted(folder.glob("*.weights")) if folder else []:
         if path.stem == DENSE:
             continue
         model = load_model(path)

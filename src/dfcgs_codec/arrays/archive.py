@@ -17,9 +17,9 @@ from threading import Lock
 from typing import IO, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from numpy.lib import format as npy
 
+from dfcgs_codec.array_types import AnyArray
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.ply.formats import describe_content
 
@@ -82,7 +82,7 @@ class Archive:
             f"{self.path}: the file was changed since the encode began; encode again when it is finished"
         )
 
-    def read(self, name: str, index: int | None = None) -> npt.NDArray[Any]:
+    def read(self, name: str, index: int | None = None) -> AnyArray:
         """Array `name`, or of its first axis the part `index`, as a new array in this machine's byte order.
 
         InputError where the file ends early or is damaged.
@@ -94,7 +94,7 @@ class Archive:
             self._fill(member, values, (index or 0) * values.nbytes)
         return values.astype(member.dtype.newbyteorder("="), copy=False)
 
-    def _fill(self, member: Member, values: npt.NDArray[Any], offset: int) -> None:
+    def _fill(self, member: Member, values: AnyArray, offset: int) -> None:
         if not values.nbytes:
             return
         target = values.ravel(order="K").view(np.uint8).data

@@ -13,11 +13,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import AnyArray
 from dfcgs_codec.arrays.archive import Archive, Member, open_archive
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
@@ -80,12 +79,12 @@ class TimestepSource:
         groups["sh_rest"] = np.zeros((self.num_gaussians, 0), np.float32)
         return self._checked(groups, index)
 
-    def _values(self, name: str, index: int) -> npt.NDArray[Any]:
+    def _values(self, name: str, index: int) -> AnyArray:
         per_timestep = len(self.archive.members[name].shape) == 3
         values = self.archive.read(name, index if per_timestep else None)
         return values.astype(np.float64 if values.dtype == np.float64 else np.float32, copy=False)
 
-    def _checked(self, groups: dict[str, npt.NDArray[Any]], index: int) -> tuple[GaussianCloud, list[str]]:
+    def _checked(self, groups: dict[str, AnyArray], index: int) -> tuple[GaussianCloud, list[str]]:
         path, notes = self.archive.path, []
         if self.policy.repair:
             notes = check_values(groups, _names(), f"timestep {index} of {path.name}", repair=True)
@@ -96,8 +95,7 @@ class TimestepSource:
         return GaussianCloud(**groups), notes
 
 
-def _sh_dc(colours: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """SH coefficients of degree 0 of colours, in the precision of the colours."""
+def _sh_dc(colours: AnyArray) -> AnyArray:
     wide = (colours.astype(np.float64) - 0.5) / SH_C0
     return wide.astype(colours.dtype)
 

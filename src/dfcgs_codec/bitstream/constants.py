@@ -63,6 +63,10 @@ class ChunkType(IntEnum):
     PLY_COMMENTS = 0x82
 
 
+#: those that frames are made of
+FRAME_CHUNKS = frozenset(kind for kind in ChunkType if ChunkType.INTRA_FRAME <= kind <= ChunkType.ESCAPES)
+
+
 class Profile(IntEnum):
     """Which prediction tools a stream may use (spec section 4)."""
 

@@ -1,4 +1,4 @@
-"""Values that the grids of a sequence do not hold, exactly as they are (spec section 6.6)."""
+"""Values that the grids of a sequence do not hold, exactly as they are (spec section 6.5)."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64, UInt64
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, Precision
 from dfcgs_codec.bitstream.fields import read_bounded
 from dfcgs_codec.bitstream.frame_headers import coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.errors import CorruptBitstream
-
-Int64 = npt.NDArray[np.int64]
-UInt64 = npt.NDArray[np.uint64]
 
 _NUM_POSITIONS = STATE_COLUMNS[Attribute.POSITION]
 #: a row, a column and four bytes of a float32 take this many bytes at least
@@ -49,6 +46,10 @@ class Escapes:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    def streams(self, sh_degree: int) -> list[str]:
+        """It has none."""
+        return []
 
     def write(self, writer: ByteWriter) -> None:
         """Count, rows by their differences, columns, patterns."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from dfcgs_codec.bitstream.constants import (
     FRAME_HASH_BYTES,
@@ -20,7 +20,19 @@ from dfcgs_codec.bitstream.constants import (
     Profile,
     Tool,
 )
-from dfcgs_codec.bitstream.fields import at_most, read_bounded, read_enum
+from dfcgs_codec.bitstream.fields import (
+    at_most,
+    mask_of,
+    read_bounded,
+    read_enum,
+    read_flag,
+    read_levels,
+    read_mask,
+    read_point,
+    read_steps,
+    write_levels,
+    write_steps,
+)
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.errors import CorruptBitstream, UnsupportedBitstream
@@ -48,10 +60,8 @@ class SortGrid:
         """Refuses shifts, bits and origins out of range."""
         shift = read_bounded(reader.u8, MAX_SORT_SHIFT, "sort_shift", reader)
         bits = read_bounded(reader.u8, MAX_SORT_BITS, "sort_bits", reader)
-        offset = reader.offset
-        x, y, z = reader.svarint(), reader.svarint(), reader.svarint()
-        at_most(max(abs(x), abs(y), abs(z)), STATE_LIMIT, "sort_origin", offset)
-        return SortGrid(shift, bits, (x, y, z), bool(read_bounded(reader.u8, 1, "has_excess", reader)))
+        origin = read_point(reader, STATE_LIMIT, "sort_origin")
+        return SortGrid(shift, bits, origin, read_flag(reader, "has_excess"))
 
 
 @dataclass(frozen=True)
@@ -80,39 +90,6 @@ class ControlHeader:
 NO_CONTROL = ControlHeader(1, 0)
 
 
-def write_steps(writer: ByteWriter, steps: dict[Attribute, int]) -> None:
-    """Steps in rising order of attributes."""
-    for attribute in sorted(steps):
-        writer.uvarint(steps[attribute])
-
-
-def read_steps(reader: ByteReader, attributes: list[Attribute]) -> dict[Attribute, int]:
-    """Refuses steps of 0 and those beyond the grid."""
-    steps = {}
-    for attribute in attributes:
-        offset = reader.offset
-        steps[attribute] = read_bounded(reader.uvarint, STATE_LIMIT, "step", reader)
-        if steps[attribute] == 0:
-            raise CorruptBitstream("a quantiser step is 0", offset=offset)
-    return steps
-
-
-def read_levels(reader: ByteReader, attributes: list[Attribute]) -> dict[Attribute, int]:
-    """The weight of each attribute at which steps are as given."""
-    levels = {}
-    for attribute in attributes:
-        offset = reader.offset
-        levels[attribute] = reader.svarint()
-        at_most(abs(levels[attribute]), STATE_LIMIT, "visibility_level", offset)
-    return levels
-
-
-def write_levels(writer: ByteWriter, levels: dict[Attribute, int]) -> None:
-    """Levels in rising order of attributes."""
-    for attribute in sorted(levels):
-        writer.svarint(levels[attribute])
-
-
 @dataclass(frozen=True)
 class IntraSteps:
     """Quantiser steps of an I-frame, or of births, and how they follow visibility (spec section 9.6).
@@ -134,7 +111,7 @@ class IntraSteps:
         writer.u8(self.coarse_log2)
         write_levels(writer, self.levels)
         writer.u8(self.thin_octaves)
-        writer.u8(sum(1 << attribute for attribute in self.alternating))
+        writer.u8(mask_of(self.alternating))
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> IntraSteps:
@@ -147,12 +124,8 @@ class IntraSteps:
         thin_octaves = read_bounded(reader.u8, MAX_THIN_OCTAVES, "thin_octaves", reader)
         if thin_octaves and sequence.unit_exponents.scale > MAX_THIN_EXPONENT:
             raise CorruptBitstream("thin axes on a grid as coarse as octaves", offset=offset)
-        offset = reader.offset
-        mask = reader.u8()
-        alternating = frozenset(a for a in attributes if a != Attribute.POSITION and mask >> a & 1)
-        if sum(1 << attribute for attribute in alternating) != mask:
-            raise CorruptBitstream(f"alternating {mask:#x} names unknown attributes", offset=offset)
-        return IntraSteps(steps, coarse_log2, levels, thin_octaves, alternating)
+        alternating = read_mask(reader, attributes[1:], "alternating", "names unknown attributes")
+        return IntraSteps(steps, coarse_log2, levels, thin_octaves, frozenset(alternating))
 
 
 def coded_attributes(sh_degree: int) -> list[Attribute]:
@@ -160,8 +133,8 @@ def coded_attributes(sh_degree: int) -> list[Attribute]:
     return list(Attribute)[: Attribute.SH_1 + sh_degree]
 
 
-#: what the streams of an I-frame hold that are not an attribute's: cover classes, low bits of positions
-COVER, POSITION_BITS = "COVER", "POSITION_BITS"
+#: what streams hold that are not an attribute's: places in the output, cover classes, low bits of positions
+OUTPUT_ORDER, COVER, POSITION_BITS = "OUTPUT_ORDER", "COVER", "POSITION_BITS"
 
 
 def intra_streams(sh_degree: int) -> list[str]:
@@ -170,9 +143,14 @@ def intra_streams(sh_degree: int) -> list[str]:
     return [position, COVER, scale, opacity, POSITION_BITS, rotation, *colours]
 
 
+def read_lengths(reader: ByteReader, streams: list[str]) -> dict[str, int]:
+    """Bytes of each of the streams that follow a header."""
+    return {name: reader.uvarint() for name in streams}
+
+
 @dataclass(frozen=True)
 class IntraHeader:
-    """Header of an INTRA_FRAME payload; `lengths` of its streams follow it (spec section 5)."""
+    """Header of an INTRA_FRAME payload (spec section 5)."""
 
     frame_hash: bytes
     kind: IntraKind
@@ -181,13 +159,27 @@ class IntraHeader:
     control: ControlHeader
     sort_grid: SortGrid | None
     steps: IntraSteps | None
-    lengths: tuple[int, ...]
     has_escapes: bool = False
 
     @staticmethod
     def empty(frame_hash: bytes) -> IntraHeader:
         """That of a frame without Gaussians."""
-        return IntraHeader(frame_hash, IntraKind.CODED, 0, False, NO_CONTROL, None, None, ())
+        return IntraHeader(frame_hash, IntraKind.CODED, 0, False, NO_CONTROL, None, None)
+
+    def with_escapes(self) -> IntraHeader:
+        """That of the frame with an ESCAPES chunk."""
+        return replace(self, has_escapes=True)
+
+    def streams(self, sh_degree: int) -> list[str]:
+        """What its streams hold, in their order."""
+        if not self.num_gaussians:
+            return []
+        names = [a.name for a in coded_attributes(sh_degree)]
+        if self.kind == IntraKind.CODED:
+            names = intra_streams(sh_degree)
+        if self.has_permutation:
+            names.insert(1, OUTPUT_ORDER)
+        return names
 
     def write(self, writer: ByteWriter) -> None:
         """All fields in order; grid and steps for `coded` frames only."""
@@ -202,8 +194,6 @@ class IntraHeader:
         if self.sort_grid is not None and self.steps is not None:
             self.sort_grid.write(writer)
             self.steps.write(writer)
-        for length in self.lengths:
-            writer.uvarint(length)
 
     @staticmethod
     def read(reader: ByteReader, sequence: SequenceHeader) -> IntraHeader:
@@ -213,21 +203,19 @@ class IntraHeader:
         n = read_bounded(reader.uvarint, sequence.limits.max_gaussians, "num_gaussians", reader)
         if n == 0:
             return IntraHeader.empty(frame_hash)
-        permuted = bool(read_bounded(reader.u8, 1, "has_permutation", reader))
+        permuted = read_flag(reader, "has_permutation")
         offset = reader.offset
-        has_escapes = bool(read_bounded(reader.u8, 1, "has_escapes", reader))
+        has_escapes = read_flag(reader, "has_escapes")
         if has_escapes and kind == IntraKind.PLY:
             raise CorruptBitstream("escapes in a verbatim I-frame", offset=offset)
         offset = reader.offset
         control = ControlHeader.read(reader)
         wanted = min(n // control.spacing, MAX_CONTROL_POINTS)
         at_most(wanted, sequence.limits.max_control_points, "control points", offset)
-        grid, steps, num_streams = None, None, len(coded_attributes(sequence.sh_degree))
+        grid, steps = None, None
         if kind == IntraKind.CODED:
             grid, steps = SortGrid.read(reader), IntraSteps.read(reader, sequence)
-            num_streams = len(intra_streams(sequence.sh_degree))
-        lengths = tuple(reader.uvarint() for _ in range(num_streams + permuted))
-        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, lengths, has_escapes)
+        return IntraHeader(frame_hash, kind, n, permuted, control, grid, steps, has_escapes)
 
 
 @dataclass(frozen=True)
@@ -243,11 +231,29 @@ class InterHeader:
     steps: dict[Attribute, int]
     visibility: dict[Attribute, int] = field(default_factory=dict)
 
+    @property
+    def changes(self) -> bool:
+        """Whether the frame is another than its reference."""
+        return bool(self.tools or self.steps)
+
+    @property
+    def has_escapes(self) -> bool:
+        """Whether an ESCAPES chunk follows."""
+        return Tool.ESCAPE in self.tools
+
+    def with_escapes(self) -> InterHeader:
+        """That of the frame with an ESCAPES chunk."""
+        return replace(self, tools=self.tools | {Tool.ESCAPE})
+
+    def streams(self, sh_degree: int) -> list[str]:
+        """It has none."""
+        return []
+
     def write(self, writer: ByteWriter) -> None:
         """Hash, tools and attribute mask; steps; levels."""
         writer.raw(self.frame_hash)
-        writer.u8(sum(1 << tool for tool in self.tools))
-        writer.u8(sum(1 << attribute for attribute in self.steps))
+        writer.u8(mask_of(self.tools))
+        writer.u8(mask_of(self.steps))
         write_steps(writer, self.steps)
         write_levels(writer, self.visibility)
 
@@ -255,21 +261,28 @@ class InterHeader:
     def read(reader: ByteReader, sequence: SequenceHeader) -> InterHeader:
         """Refuses tools that are unknown and attributes that the sequence does not have."""
         frame_hash = reader.raw(FRAME_HASH_BYTES)
-        offset = reader.offset
-        bits = reader.u8()
-        tools = frozenset(tool for tool in Tool if bits >> tool & 1)
-        if sum(1 << tool for tool in tools) != bits:
-            raise UnsupportedBitstream(f"tools {bits:#x} need a newer decoder", offset=offset)
-        offset = reader.offset
-        mask = reader.u8()
-        present = [a for a in coded_attributes(sequence.sh_degree) if mask >> a & 1]
-        if sum(1 << a for a in present) != mask:
-            raise CorruptBitstream(f"attribute_mask {mask:#x} names unknown attributes", offset=offset)
-        if not mask and Tool.VISIBILITY in tools:
+        tools = frozenset(read_mask(reader, Tool, "tools", "need a newer decoder", UnsupportedBitstream))
+        offset, attributes = reader.offset, coded_attributes(sequence.sh_degree)
+        present = read_mask(reader, attributes, "attribute_mask", "names unknown attributes")
+        if not present and Tool.VISIBILITY in tools:
             raise CorruptBitstream("VISIBILITY without attributes", offset=offset)
-        if tools - PROFILE_TOOLS[sequence.profile] or (mask and sequence.profile == Profile.PAPER):
+        if tools - PROFILE_TOOLS[sequence.profile] or (present and sequence.profile == Profile.PAPER):
             name = sequence.profile.name
             raise CorruptBitstream(f"tools or attributes that profile {name} does not have", offset=offset)
         steps = read_steps(reader, present)
         visibility = read_levels(reader, present if Tool.VISIBILITY in tools else [])
         return InterHeader(frame_hash, tools, steps, visibility)
+
+
+@dataclass(frozen=True)
+class NoFields:
+    """A chunk of streams alone; `names`: what they hold, None: there is one, which fills it."""
+
+    names: list[str] | None
+
+    def streams(self, sh_degree: int) -> list[str] | None:
+        """The same."""
+        return self.names
+
+    def write(self, writer: ByteWriter) -> None:
+        """Nothing."""

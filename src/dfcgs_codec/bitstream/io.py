@@ -1,4 +1,4 @@
-"""Little-endian fields and variable-length integers (spec section 2)."""
+"""Little-endian fields and variable-length integers (spec section 1.4)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Header of a MOTION chunk, `write` beside `read` (spec sections 6.3, 6.5)."""
+"""Header of a MOTION chunk, `write` beside `read` (spec section 6.3, spec annex B.2)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from dfcgs_codec.bitstream.constants import (
 )
 from dfcgs_codec.bitstream.fields import read_bounded
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
+from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.errors import CorruptBitstream, LimitExceeded
+
+#: what the streams of a MOTION chunk hold: who follows, and how control points move
+FOLLOWERS, CONTROL_POINTS = "FOLLOWERS", "CONTROL_POINTS"
 
 
 @dataclass(frozen=True)
@@ -67,13 +71,17 @@ class MotionHeader:
         """Symbols of a control point."""
         return 6 if self.is_rigid else 3
 
+    def streams(self, sh_degree: int) -> list[str]:
+        """What its streams hold, in their order."""
+        return [FOLLOWERS, CONTROL_POINTS]
+
     def write(self, writer: ByteWriter) -> None:
         """Both fields."""
         writer.uvarint(self.translation_step)
         writer.uvarint(self.turn_step)
 
     @staticmethod
-    def read(reader: ByteReader) -> MotionHeader:
+    def read(reader: ByteReader, sequence: SequenceHeader) -> MotionHeader:
         """Refuses steps beyond their grids, and a translation step of 0."""
         offset = reader.offset
         translation = read_bounded(reader.uvarint, STATE_LIMIT, "translation_step", reader)
@@ -88,7 +96,7 @@ class MotionHeader:
 class LatentHeader:
     """How latents of `num_coded` control points are quantised, by 2**`step_log2`, and motion is spread.
 
-    MOTION chunk of profile PAPER (spec section 6.5).
+    MOTION chunk of profile PAPER (spec annex B.2).
     """
 
     num_coded: int
@@ -101,8 +109,11 @@ class LatentHeader:
         writer.svarint(self.step_log2)
         self.spread.write(writer)
 
+    def streams(self, sh_degree: int) -> None:
+        """One stream fills the rest."""
+
     @staticmethod
-    def read(reader: ByteReader) -> LatentHeader:
+    def read(reader: ByteReader, sequence: SequenceHeader) -> LatentHeader:
         """Refuses steps out of range."""
         count = reader.uvarint()
         offset = reader.offset

@@ -15,7 +15,7 @@ from dfcgs_codec.bitstream.constants import (
     Precision,
     Profile,
 )
-from dfcgs_codec.bitstream.fields import at_most, read_bounded, read_enum
+from dfcgs_codec.bitstream.fields import read_bounded, read_enum, read_point
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.errors import CorruptBitstream, LimitExceeded, UnsupportedBitstream
 
@@ -64,8 +64,7 @@ class FrameNumbers:
         """Refuses runs that do not add up to `num_frames`."""
         offset = reader.offset
         runs: list[tuple[int, int]] = []
-        end = left = 0
-        left = num_frames
+        end, left = 0, num_frames
         for _ in range(read_bounded(reader.uvarint, num_frames, "num_runs", reader)):
             first = end + reader.uvarint()
             count = read_bounded(reader.uvarint, num_frames, "run_length", reader) + 1
@@ -119,12 +118,10 @@ class UnitExponents:
             raise LimitExceeded(
                 f"opacity unit exponent {values[2]} exceeds {MAX_OPACITY_EXPONENT}", offset=offset
             )
-        offset = reader.offset
-        x, y, z = reader.svarint(), reader.svarint(), reader.svarint()
-        at_most(max(abs(x), abs(y), abs(z)), MAX_ORIGIN, "position_origin", offset)
+        origin = read_point(reader, MAX_ORIGIN, "position_origin")
         precision = read_enum(Precision, reader, "position_precision")
         position, scale, opacity, color = values
-        return UnitExponents(position, scale, opacity, color, (x, y, z), precision)
+        return UnitExponents(position, scale, opacity, color, origin, precision)
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfcgs_codec.bitstream.fields import read_bounded
-from dfcgs_codec.bitstream.frame_headers import IntraSteps, SortGrid, intra_streams
+from dfcgs_codec.bitstream.fields import at_most, read_bounded, read_flag
+from dfcgs_codec.bitstream.frame_headers import OUTPUT_ORDER, IntraSteps, SortGrid, intra_streams
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
+
+#: the stream that says who goes
+REMOVALS = "REMOVALS"
 
 
 @dataclass(frozen=True)
@@ -24,10 +27,10 @@ class TopologyHeader:
     sort_grid: SortGrid | None
     steps: IntraSteps | None = None
 
-    def num_streams(self, sh_degree: int) -> int:
-        """Streams of the chunk."""
-        births = len(intra_streams(sh_degree)) if self.num_births else 0
-        return (self.num_removals > 0) + births + self.has_permutation
+    def streams(self, sh_degree: int) -> list[str]:
+        """What its streams hold, in their order."""
+        births = intra_streams(sh_degree) if self.num_births else []
+        return [REMOVALS] * (self.num_removals > 0) + births + [OUTPUT_ORDER] * self.has_permutation
 
     def write(self, writer: ByteWriter) -> None:
         """All fields in order; grid and steps where there are births."""
@@ -39,13 +42,15 @@ class TopologyHeader:
             self.steps.write(writer)
 
     @staticmethod
-    def read(reader: ByteReader, sequence: SequenceHeader) -> TopologyHeader:
-        """Refuses removals and births above the level."""
-        limit = sequence.limits.max_gaussians
+    def read(reader: ByteReader, sequence: SequenceHeader, num_gaussians: int) -> TopologyHeader:
+        """Refuses to remove all of `num_gaussians`, those before, and more of them than the level allows."""
+        offset, limit = reader.offset, sequence.limits.max_gaussians
         removals = read_bounded(reader.uvarint, limit, "num_removals", reader)
-        has_permutation = bool(read_bounded(reader.u8, 1, "has_permutation", reader))
+        has_permutation = read_flag(reader, "has_permutation")
         births = read_bounded(reader.uvarint, limit, "num_births", reader)
-        if not births:
-            return TopologyHeader(removals, has_permutation, 0, None)
-        grid, steps = SortGrid.read(reader), IntraSteps.read(reader, sequence)
+        grid, steps = None, None
+        if births:
+            grid, steps = SortGrid.read(reader), IntraSteps.read(reader, sequence)
+        at_most(removals, num_gaussians - 1, "num_removals", offset)
+        at_most(num_gaussians - removals + births, limit, "num_gaussians", offset)
         return TopologyHeader(removals, has_permutation, births, grid, steps)

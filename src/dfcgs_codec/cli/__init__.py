@@ -128,7 +128,6 @@ def _run() -> None:
 
 
 def _system_error(error: OSError) -> str:
-    """What the system says, and of which file."""
     reason = error.strerror or str(error) or type(error).__name__
     return f"{error.filename}: {reason}" if error.filename else reason
 

@@ -8,10 +8,9 @@ from typing import Any, BinaryIO
 
 import click
 
-from dfcgs_codec.cli.outputs import output_folder
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.cli.refusal import StreamFile, refused_by_name
-from dfcgs_codec.cli.values import frame_range, memory_size
+from dfcgs_codec.cli.values import frame_range, memory_size, output_folder
 from dfcgs_codec.codec.frame.decoder import DecodedFrame, SequenceDecoder
 from dfcgs_codec.codec.frame.limits import DecoderLimits
 from dfcgs_codec.codec.frame.salvage import salvage
@@ -44,7 +43,6 @@ def _frames(file: BinaryIO, values: dict[str, Any], losses: list[str]) -> tuple[
 
 
 def _check_apart(file: Path, output_dir: Path) -> None:
-    """InputError where frames would be written around the file that they come from."""
     if output_dir.is_dir() and output_dir.samefile(file.absolute().parent):
         raise InputError(f"{output_dir} holds {file.name} itself: name another folder for the frames")
 

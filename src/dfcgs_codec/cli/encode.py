@@ -13,11 +13,10 @@ import click
 
 from dfcgs_codec.api import encode_sequence
 from dfcgs_codec.bitstream.constants import Profile
-from dfcgs_codec.cli.encode_options import GROUPS
-from dfcgs_codec.cli.groups import GroupedCommand
-from dfcgs_codec.cli.outputs import output_file
+from dfcgs_codec.cli.encode_options import GROUPS, GroupedCommand
 from dfcgs_codec.cli.progress import progress_bar
 from dfcgs_codec.cli.refusal import note_of_limits
+from dfcgs_codec.cli.values import output_file
 from dfcgs_codec.cli.views import views_beside, views_named, views_note
 from dfcgs_codec.encoder.frame.report import EncodeReport
 from dfcgs_codec.encoder.plan.options import EncoderOptions

@@ -9,9 +9,9 @@ from urllib.parse import quote
 
 import click
 
-from dfcgs_codec.cli.outputs import output_file
 from dfcgs_codec.cli.pages import UP, VIEWS, start_view
 from dfcgs_codec.cli.refusal import StreamFile, refused_by_name
+from dfcgs_codec.cli.values import output_file
 from dfcgs_codec.codec.frame.probe import probe
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.files import replace_when_whole

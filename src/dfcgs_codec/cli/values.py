@@ -1,15 +1,43 @@
-"""What options take besides numbers and names; functions, because click's own types differ by version."""
+"""What arguments and options take besides numbers and names."""
 
 from __future__ import annotations
 
+import os
 from fractions import Fraction
+from pathlib import Path
 
 import click
 
 from dfcgs_codec.arguments import rate
 from dfcgs_codec.encoder.plan.quantiser_steps import QUALITIES, Bound
+from dfcgs_codec.errors import InputError
 
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
+
+
+def _check_typed(value: str, what: str) -> None:
+    if value == "-":
+        raise InputError(f"'-': a pipe cannot be the output; name {what} (./- is one of that name)")
+    if not value:
+        raise InputError(f"the output has an empty name; name {what}")
+
+
+def output_file(ctx: click.Context, param: click.Parameter, value: str) -> Path:
+    """The path of an output file; InputError for '-' and for what is written as a folder."""
+    _check_typed(value, "a file")
+    if value.endswith(("/", os.sep)):
+        raise InputError(
+            f"{value} is the name of a folder: name a file in it, such as {Path(value, 'frames.dgs')}"
+        )
+    return Path(value)
+
+
+def output_folder(ctx: click.Context, param: click.Parameter, value: str | None) -> Path | None:
+    """The path of an output folder, where one is given; InputError for '-'."""
+    if value is None:
+        return None
+    _check_typed(value, "a folder")
+    return Path(value)
 
 
 def frame_rate(text: str) -> Fraction:

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.views.camera import Views
-from dfcgs_codec.views.find import find_views
-from dfcgs_codec.views.read import read_views
+from dfcgs_codec.views.read import find_views, read_views
 
 _NONE = "none"
 

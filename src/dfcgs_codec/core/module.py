@@ -15,6 +15,8 @@ import numpy.typing as npt
 MODULE = Path(__file__).with_name("core.wasm")
 #: linear memory ends here
 MOST_MEMORY = (1 << 32) - 1
+#: it grows by these
+_PAGE = 1 << 16
 _NUM_ATTRIBUTES = 8
 _NUM_ARRAYS = 6
 _RECORD = struct.Struct("<4q2iI2IiI4i" + "8I8I3I6I")
@@ -97,6 +99,12 @@ class Instance:
         function: Any = self._exports[name]
         return function, [str(kind) for kind in function.type(self._store).params]
 
+    def grow(self, count: int) -> int:
+        """Address of `count` bytes more, which are 0 and which no decoder has use of."""
+        end: int = self._memory.data_len(self._store)
+        self._memory.grow(self._store, -(-count // _PAGE))
+        return end
+
     def record(self) -> Record:
         """The record after the last call."""
         return Record.of(self.bytes_at(self._info, _RECORD.size))
@@ -112,6 +120,12 @@ class Instance:
     def put(self, address: int, data: bytes) -> None:
         """Write bytes."""
         ctypes.memmove(self._base + address, data, len(data))
+
+    def view_at(self, address: int, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> npt.NDArray[Any]:
+        """An array that lies in linear memory; of no use any more when that has grown, or is gone."""
+        size = np.dtype(dtype).itemsize * int(np.prod(shape))
+        data = (ctypes.c_ubyte * size).from_address(self._base + address)
+        return np.ndarray(shape, dtype, memoryview(data).cast("B"))
 
     def array_at(self, address: int, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> npt.NDArray[Any]:
         """A copy of an array, that nobody may write to."""

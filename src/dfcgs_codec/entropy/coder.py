@@ -11,12 +11,10 @@ from typing import Any, Protocol
 
 import constriction
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.entropy.tables import FREQUENCY_BITS, Shape, scale_table, split_table
 from dfcgs_codec.errors import CorruptBitstream
-
-Int64 = npt.NDArray[np.int64]
 
 _MODELS = constriction.stream.model
 _WORD_BYTES = 4
@@ -67,7 +65,6 @@ class RangeCoder(Protocol):
 
     def code(self, symbols: Int64 | None, model: Model, count: int) -> Int64:
         """The `count` symbols (int64, 0 <= symbol < model.size), coded; a reader ignores `symbols`."""
-        ...
 
 
 class RangeWriter:

@@ -9,16 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from dfcgs_codec.entropy.coder import (
-    MAX_UNIFORM_BITS,
-    Int64,
-    Model,
-    RangeCoder,
-    scale_model,
-    uniform,
-)
+from dfcgs_codec.array_types import Int64, Integers
+from dfcgs_codec.entropy.coder import MAX_UNIFORM_BITS, Model, RangeCoder, scale_model, uniform
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape, split_scale
 from dfcgs_codec.errors import CorruptBitstream
 
@@ -41,7 +34,7 @@ def code_bits(coder: RangeCoder, values: Int64 | None, bits: int, count: int) ->
 class Groups:
     """Positions of the symbols of each context, found once and used for each pass over them."""
 
-    def __init__(self, contexts: npt.NDArray[np.integer], num_contexts: int) -> None:
+    def __init__(self, contexts: Integers, num_contexts: int) -> None:
         self.order = np.argsort(contexts.astype(np.uint16), kind="stable")
         counts = np.bincount(contexts, minlength=num_contexts)
         self.bounds = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
@@ -115,7 +108,7 @@ class _Table:
 def code_residuals(
     coder: RangeCoder,
     values: Int64 | None,
-    contexts: npt.NDArray[np.integer],
+    contexts: Integers,
     tables: Int64,
     explicit: Sequence[Model] = (),
 ) -> Int64:
@@ -168,7 +161,6 @@ def _code_excess(
 def _code_low_bits(
     coder: RangeCoder, ordered: Int64 | None, coded: Int64, by_context: tuple[Groups, Int64]
 ) -> None:
-    """Append the raw low bits of contexts with wide scales."""
     groups, shifts = by_context
     for context, part in groups.slices():
         low_bits = int(shifts[context])

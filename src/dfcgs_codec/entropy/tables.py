@@ -12,9 +12,8 @@ from enum import IntEnum
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
+from dfcgs_codec.array_types import Int64
 
 #: frequencies of a table sum to 2**24
 FREQUENCY_BITS = 24

@@ -3,8 +3,7 @@
 Nothing is replaced unless the caller says `force`; what an ended run left behind goes with the next one.
 """
 
-from dfcgs_codec.files.failures import named
-from dfcgs_codec.files.syncing import begin_sync
+from dfcgs_codec.files.system import begin_sync, named
 from dfcgs_codec.files.targets import FRAME_NAME, FRAME_PATTERN
 from dfcgs_codec.files.unfinished import put_away_all
 from dfcgs_codec.files.whole_file import check_file_target, replace_when_whole

@@ -16,7 +16,7 @@ import errno
 import os
 from pathlib import Path
 
-from dfcgs_codec.files.syncing import sync_names
+from dfcgs_codec.files.system import sync_names
 from dfcgs_codec.files.unfinished import remove
 
 _FILLING, _NEW, _OLD, _REPLACED = "filling", "new", "old", "replaced"
@@ -42,7 +42,6 @@ def _move_all(source: Path, target: Path) -> None:
 
 
 def _back(work: Path, target: Path, names: list[str]) -> None:
-    """Undo: the new files out, the old ones in."""
     kept = work / (_OLD if (work / _OLD).is_dir() else _REPLACED)
     for name in names:
         if os.path.lexists(target / name) and not os.path.lexists(work / _NEW / name):

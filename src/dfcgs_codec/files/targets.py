@@ -14,7 +14,8 @@ FRAME_NAME = "frame_{:04d}.ply"
 FRAME_PATTERN = "frame_*.ply"
 #: what systems put into folders on their own; it is left where it is
 _SYSTEM_ENTRIES = {"lost+found", ".DS_Store", "Thumbs.db", "desktop.ini", "System Volume Information"}
-_KINDS = {
+#: what is neither a file nor a folder
+KINDS = {
     stat.S_IFIFO: "a named pipe",
     stat.S_IFSOCK: "a socket",
     stat.S_IFCHR: "a device",
@@ -64,7 +65,7 @@ def file_target(target: Path, *, force: bool) -> Path:
     _check_parent(target, place)
     if not place.exists():
         return place
-    kind = _KINDS.get(stat.S_IFMT(place.stat().st_mode))
+    kind = KINDS.get(stat.S_IFMT(place.stat().st_mode))
     if kind is not None:
         raise InputError(f"{target} is {kind}: the output needs a file; name one")
     if not force:
@@ -116,7 +117,7 @@ def folder_target(target: Path) -> Path:
     if place.is_dir():
         return place
     if place.exists():
-        kind = _KINDS.get(stat.S_IFMT(place.stat().st_mode), "a file")
+        kind = KINDS.get(stat.S_IFMT(place.stat().st_mode), "a file")
         raise InputError(f"{target} is {kind}, not a folder: name a folder for the frames")
     _check_parent(target, place)
     return place

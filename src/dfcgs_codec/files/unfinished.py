@@ -7,12 +7,15 @@ import os
 import re
 import secrets
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.files.locks import open_to_lock, try_lock
+
+if sys.platform != "win32":
+    import fcntl
 
 _TOKEN_BYTES = 6
 _TOKEN = f"[0-9a-f]{{{2 * _TOKEN_BYTES}}}"
@@ -20,6 +23,29 @@ _TOKEN = f"[0-9a-f]{{{2 * _TOKEN_BYTES}}}"
 _LONGEST_NAME = 200
 #: what this process is writing, and how to put it away
 _at_work: dict[Path, Callable[[Path], None]] = {}
+
+
+def try_lock(descriptor: int) -> bool | None:
+    """Lock an open file or folder until it is closed; False where another has it, None where none can."""
+    if sys.platform == "win32":
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
+
+
+def open_to_lock(path: Path) -> int | None:
+    """A descriptor of a file or folder, None where it is gone or not ours."""
+    # some network file systems lock only what is open for writing
+    flags = (os.O_RDONLY if path.is_dir() else os.O_RDWR) | getattr(os, "O_NOFOLLOW", 0)
+    try:
+        return os.open(path, flags)
+    except OSError:
+        return None
 
 
 def _stem(target: Path) -> str:

@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.files.failures import named
-from dfcgs_codec.files.syncing import sync_names, sync_open
+from dfcgs_codec.files.system import named, sync_names, sync_open, uninterrupted
 from dfcgs_codec.files.targets import appeared, file_target
 from dfcgs_codec.files.unfinished import beside, clear_beside, hold, put_away_at_end, remove, writable
-from dfcgs_codec.files.uninterrupted import uninterrupted
 
 
 def _rename_new(source: Path, place: Path) -> None:

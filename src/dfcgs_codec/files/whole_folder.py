@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.files.failures import named
 from dfcgs_codec.files.swap import begin, discard, recover, swap
-from dfcgs_codec.files.syncing import sync_files, sync_names
+from dfcgs_codec.files.system import named, sync_files, sync_names, uninterrupted
 from dfcgs_codec.files.targets import appeared, check_contents, entries, folder_target, is_frame
 from dfcgs_codec.files.unfinished import (
     beside,
@@ -24,7 +23,6 @@ from dfcgs_codec.files.unfinished import (
     remove,
     writable,
 )
-from dfcgs_codec.files.uninterrupted import uninterrupted
 
 #: hidden folders inside an output folder
 _STEM = "dfcgs"

@@ -8,7 +8,7 @@ from pathlib import Path
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.frames.foreign import first_described, like_frames, readable
 from dfcgs_codec.frames.listing import Listing, entries, matches
-from dfcgs_codec.frames.refusals import some
+from dfcgs_codec.frames.refusals import counted, some
 from dfcgs_codec.frames.trees import Chosen, find, is_point_cloud, latest, walk
 
 DEFAULT_PATTERN = "*.ply"
@@ -16,22 +16,17 @@ DEFAULT_PATTERN = "*.ply"
 _LOOKED_INTO = 2000
 
 
-def _files(names: list[str], what: str) -> str:
-    return f"1 {what}" if len(names) == 1 else f"{len(names)} {what}s"
-
-
 def _left_out(names: list[str], what: str, why: str) -> list[str]:
-    return [f"{_files(names, what)} left out, {why}: {some(names)}"] if names else []
+    return [f"{counted(names, what)} left out, {why}: {some(names)}"] if names else []
 
 
 def _nothing(folder: Path, pattern: str, listing: Listing, names: list[str]) -> InputError:
-    """Why no file matches, and what to do."""
     known = first_described(names) if pattern == DEFAULT_PATTERN else None
     below = [] if pattern == DEFAULT_PATTERN else walk(folder, most=_LOOKED_INTO).names
     if known:
         reason = known
     elif listing.hidden:
-        reason = f"{_files(listing.hidden, 'hidden file')} ({some(listing.hidden)}) left out"
+        reason = f"{counted(listing.hidden, 'hidden file')} ({some(listing.hidden)}) left out"
     elif not names:
         reason = "the folder is empty"
     elif below:
@@ -73,7 +68,7 @@ def _foreign(beside: list[str]) -> Chosen | None:
     endings = [Path(name).suffix.lower() for name in names]
     ending = max(sorted(set(endings)), key=endings.count)
     taken = [name for name, its in zip(names, endings, strict=True) if its == ending]
-    return Chosen(taken, [f"no PLY in the folder: {_files(taken, f'{ending} file')} taken as frames"])
+    return Chosen(taken, [f"no PLY in the folder: {counted(taken, f'{ending} file')} taken as frames"])
 
 
 def frames_in(folder: Path, pattern: str) -> Chosen:
@@ -118,7 +113,7 @@ def frames_named(paths: list[Path]) -> tuple[Path, Chosen]:
         for entry in entries(folder)
         if entry.name.lower().endswith(".ply") and entry.name not in names and not entry.name.startswith(".")
     )
-    notes = [f"{_files(found.names, 'file')} named as frames: ordered as those of a folder"]
+    notes = [f"{counted(found.names, 'file')} named as frames: ordered as those of a folder"]
     if len(found.names) == 1:
         notes = [f"{found.names[0]} is the only frame"]
     notes += _left_out(sorted(set(hidden) - set(found.names)), "hidden file", "as their names begin with '.'")

@@ -11,15 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.frames.suggestions import ending_of_any_case
+from dfcgs_codec.files.targets import KINDS
+from dfcgs_codec.frames.refusals import ending_of_any_case
 
 _MAGIC = re.compile(r"[*?\[]")
-_KINDS = {
-    stat.S_IFIFO: "a named pipe",
-    stat.S_IFSOCK: "a socket",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-}
 
 
 @dataclass
@@ -54,7 +49,7 @@ def check_is_file(path: Path, *, or_folder: bool = False) -> bool:
         return True
     if stat.S_ISDIR(mode) and or_folder:
         return False
-    what = "a folder" if stat.S_ISDIR(mode) else _KINDS.get(stat.S_IFMT(mode), "no file")
+    what = "a folder" if stat.S_ISDIR(mode) else KINDS.get(stat.S_IFMT(mode), "no file")
     raise InputError(f"{path} is {what}, but called like a frame; move it elsewhere or choose with --pattern")
 
 

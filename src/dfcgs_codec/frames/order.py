@@ -9,8 +9,7 @@ from fractions import Fraction
 
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.frames.names import Column, Name, columns, groups, parse
-from dfcgs_codec.frames.refusals import check_doubts, repeated, two_choices, unlike
-from dfcgs_codec.frames.suggestions import compiled_order
+from dfcgs_codec.frames.refusals import check_doubts, compiled_order, repeated, two_choices, unlike
 
 BY_NAME, BY_NUMBER = "name", "number"
 _MAX_NUMBER = (1 << 32) - 1
@@ -27,8 +26,6 @@ class Order:
 
 
 def _by_name(names: list[str]) -> Order:
-    """Texts by letter, digits by number."""
-
     def key(index: int) -> tuple[list[tuple[int, int, str]], str]:
         pieces = re.split(r"(\d+)", names[index].casefold())
         natural = [(int(p), 0, "") if i % 2 else (-1, 0, p) for i, p in enumerate(pieces)]
@@ -104,7 +101,6 @@ def _by_pattern(names: list[str], pattern: str, allow_gaps: bool) -> Order:
 
 
 def _that_count(found: list[Column]) -> list[Column]:
-    """Without the numbers of training iterations, unless nothing else differs."""
     others = [column for column in found if not column.is_iteration]
     is_one = all(len(column.values) == 1 for column in found)
     return others if is_one or any(len(set(column.values)) > 1 for column in others) else found

@@ -7,17 +7,72 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dfcgs_codec.errors import InputError
-from dfcgs_codec.frames.leftovers import of_copies, of_parts, without_copies, without_parts
 from dfcgs_codec.frames.listing import check_is_file, entries
 from dfcgs_codec.frames.names import ITERATION, Name, groups, parse
-from dfcgs_codec.frames.refusals import some
-from dfcgs_codec.frames.suggestions import glob_for
+from dfcgs_codec.frames.refusals import counted, glob_for, some
 
+#: the folder of Gaussians that 3DGStream and 4DGC add to one frame
+_ADDED = "added"
 #: point clouds that training starts from, which trainers leave beside their results
 _POINT_CLOUDS = ("input.ply", "points3d.ply", "sparse_pc.ply")
 #: as deep as scene/frame000001/point_cloud/iteration_150/point_cloud.ply, and one more
 _MAX_DEPTH = 6
 _MAX_FOLDERS = 50_000
+
+
+def _is_part(name: str) -> bool:
+    return _ADDED in name.split("/")[:-1]
+
+
+def without_parts(names: list[str]) -> tuple[list[str], list[str]]:
+    """Frames, and what is added to one of them; all are frames where nothing else is there."""
+    frames = [name for name in names if not _is_part(name)]
+    return (frames, [name for name in names if _is_part(name)]) if frames else (names, [])
+
+
+def without_copies(names: list[str]) -> tuple[list[str], list[str]]:
+    """Frames, and what lies below a folder called like a frame beside it.
+
+    QUEEN leaves "0001/point_cloud.ply" and the same in "0001/point_cloud/iteration_8000/point_cloud.ply".
+    """
+    stems = {name.rpartition(".")[0] for name in names}
+
+    def is_copy(name: str) -> bool:
+        folders = name.split("/")[:-1]
+        return any(
+            ITERATION.fullmatch(folder) and "/".join(folders[:depth]) in stems
+            for depth, folder in enumerate(folders)
+        )
+
+    return [name for name in names if not is_copy(name)], [name for name in names if is_copy(name)]
+
+
+def _place(name: str) -> tuple[str, int]:
+    folders = name.split("/")[:-1]
+    for depth, folder in enumerate(folders):
+        if match := ITERATION.fullmatch(folder):
+            return "/".join(folders[:depth]), int(match["number"])
+    return "/".join(folders), -1
+
+
+def of_parts(parts: list[str], frames: list[str]) -> list[str]:
+    """What is to be said of the parts that are left out beside `frames`."""
+    if not parts:
+        return []
+    taken = dict(map(_place, frames))
+    is_later = any(iteration > taken.get(folder, -1) for folder, iteration in map(_place, parts))
+    where = "the frames as taken lack; docs/inputs.md joins them" if is_later else "it already holds"
+    return [
+        f"left out: {len(parts)} PLYs in folders called '{_ADDED}' ({some(parts)}): what is added to one "
+        f"frame, which {where}"
+    ]
+
+
+def of_copies(copies: list[str]) -> list[str]:
+    """What is to be said of the copies that are left out."""
+    if not copies:
+        return []
+    return [f"left out, as the frame itself lies beside their folder: {some(copies)}"]
 
 
 @dataclass
@@ -160,8 +215,8 @@ def find(folder: Path) -> Chosen | None:
     if len(kinds) > 1:
         raise _refuse_kinds(folder, kinds)
     pattern = glob_for(kinds[0]) or found.names[0]
-    files = "1 file" if len(found.names) == 1 else f"{len(found.names)} files"
-    notes = [f"no PLY in {folder} itself; taken: {files} of its subfolders, as with --pattern {pattern}"]
+    taken = counted(found.names)
+    notes = [f"no PLY in {folder} itself; taken: {taken} of its subfolders, as with --pattern {pattern}"]
     notes += found.notes
     notes += of_parts(parts, found.names) + of_copies(copies)
     if point_clouds:
@@ -181,7 +236,7 @@ def _refuse_kinds(folder: Path, kinds: list[list[Name]]) -> InputError:
     choices = []
     for kind in kinds[:3]:
         pattern = glob_for(kind, everything - {name.text for name in kind})
-        files = "1 file" if len(kind) == 1 else f"{len(kind)} files"
+        files = counted(kind)
         choices.append(f"--pattern {pattern} ({files})" if pattern else f"{kind[0].text} ({files})")
     return InputError(
         f"{folder}: no PLY in the folder itself, and {len(kinds)} kinds in its subfolders; choose one: "

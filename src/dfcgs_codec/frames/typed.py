@@ -54,7 +54,6 @@ def _expanded(argument: str) -> list[Path]:
 
 
 def _not_frames(path: Path) -> InputError:
-    """What a file that is no PLY is, and what to type instead."""
     if path.suffix.lower() == _DGS_ENDING:
         return InputError(
             f"{path} is encoded already; 'dfcgs decode {shlex.quote(str(path))} FOLDER' decodes it"

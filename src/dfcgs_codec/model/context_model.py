@@ -11,17 +11,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Int64, Integers, UInt8
 from dfcgs_codec.entropy.coder import Model, RangeCoder, categorical
 from dfcgs_codec.entropy.symbols import EXPLICIT_REACH, Groups, code_residuals, code_with_models
 from dfcgs_codec.entropy.tables import FREQUENCY_BITS, NUM_SCALES, NUM_SHAPES
 from dfcgs_codec.model.layers import LayerError
 from dfcgs_codec.model.weights_file import Arrays, digest_of
-
-Int64 = npt.NDArray[np.int64]
-Float32 = npt.NDArray[np.float32]
-UInt8 = npt.NDArray[np.uint8]
 
 #: inputs of the networks are 0 to this
 INPUT_LIMIT = 255
@@ -38,8 +34,8 @@ NUM_CELLS = NUM_KINDS * NUM_FRACTIONS * NUM_LOW_CLASSES + NUM_CLASSES - NUM_LOW_
 #: significance of a Gaussian
 NUM_FLAG_CLASSES = 32
 #: widths of the networks' inputs: common to all symbols of a Gaussian or control point, and others
-NUM_COMMON_INPUTS, NUM_FLAG_INPUTS, NUM_COLUMN_INPUTS = 25, 2, 10
-NUM_CONTROL_COMMON, NUM_CONTROL_INPUTS = 6, 10
+NUM_COMMON_INPUTS, NUM_FLAG_INPUTS, NUM_COLUMN_INPUTS = 20, 2, 10
+NUM_CONTROL_COMMON, NUM_CONTROL_INPUTS = 4, 10
 NUM_DENSITY_CLASSES = 4
 #: columns of a control point's symbols; neighbours' mean, residuals of earlier columns, symbol before, habit
 CONTROL_WEIGHTS = (6, 8)
@@ -160,7 +156,6 @@ class Part(Protocol):
 
     def prepare(self, common: UInt8) -> Float32:
         """See ClassNetwork.prepare."""
-        ...
 
     def code(
         self,
@@ -170,7 +165,6 @@ class Part(Protocol):
         cells: tuple[Int64, Int64],
     ) -> Int64:
         """Integers (rows,) by `inputs`, what `prepare` gave and the others; `cells` are kind and fraction."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -212,11 +206,9 @@ class Flags(Protocol):
 
     def prepare(self, common: UInt8) -> Float32:
         """See ClassNetwork.prepare."""
-        ...
 
     def code(self, coder: RangeCoder, values: Int64 | None, inputs: tuple[Float32, UInt8]) -> Int64:
         """Flags (rows,) by `inputs`, what `prepare` gave and the others."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -242,7 +234,7 @@ class FlagPart:
         return code_with_models(coder, values, groups, self.models)
 
 
-def _model(frequencies: npt.NDArray[np.integer]) -> Model:
+def _model(frequencies: Integers) -> Model:
     wide = frequencies.astype(np.int64)
     if wide.min() < 1 or wide.sum() != 1 << FREQUENCY_BITS:
         raise LayerError("frequencies are not positive or do not sum to 2**24")

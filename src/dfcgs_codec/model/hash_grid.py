@@ -1,4 +1,4 @@
-"""Features of places on a multi-resolution hash grid, read by trilinear interpolation (spec section 16.3).
+"""Features of places on a multi-resolution hash grid, read by trilinear interpolation (spec annex B.4).
 
 Equation of the paper: context = MLP(union over l of Interp(mu, G^l)); here the interpolation.
 """
@@ -8,13 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int8, Int64
 from dfcgs_codec.model.layers import LayerError
 from dfcgs_codec.transform.normalisation import NORMAL_BITS
-
-Int64 = npt.NDArray[np.int64]
-Int8 = npt.NDArray[np.int8]
 
 NUM_LEVELS = 6
 #: rows of each level's table

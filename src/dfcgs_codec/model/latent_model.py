@@ -1,4 +1,4 @@
-"""The network of profile `paper` (spec section 16): D-FCGS with integers in all that a decoder repeats.
+"""The network of profile `paper` (spec annex B): D-FCGS with integers in all that a decoder repeats.
 
 Names in parentheses are the paper's. What only an encoder runs (features, Converter, g_a, h_a) comes from
 the same file, so that one file is the model.
@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.entropy.coder import Model, categorical
 from dfcgs_codec.entropy.tables import NUM_SCALES, SCALES_PER_OCTAVE
 from dfcgs_codec.model.hash_grid import HashGrid
 from dfcgs_codec.model.layers import ACTIVATION_LIMIT, LayerError, Network
 from dfcgs_codec.model.weights_file import Arrays, digest_of, network_of
-
-Int64 = npt.NDArray[np.int64]
 
 #: latents of a control point, of motion (y) and of the hyperprior (z)
 NUM_LATENTS = 16

@@ -1,4 +1,4 @@
-"""Dense layers of integers, held in float64 so that BLAS does the work (spec section 16.1).
+"""Dense layers of integers, held in float64 so that BLAS does the work (spec annex B.3).
 
 Sums stay below 2**53, which is asserted for the weights at hand: then float64 is exact, in any order of
 summation and with any number of threads.
@@ -9,10 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
+from dfcgs_codec.array_types import Float64, Int16, Int64
 
 #: inputs of a network lie within +- this, and so do activations but the last
 ACTIVATION_LIMIT = (1 << 15) - 1
@@ -44,7 +42,7 @@ class Layer:
     leaky: bool
 
     @staticmethod
-    def of(weight: npt.NDArray[np.int16], bias: Int64, scale: Int64) -> Layer:
+    def of(weight: Int16, bias: Int64, scale: Int64) -> Layer:
         """From `weight` int16 (out, in), `bias` int64 (out,), `scale` int64: shift, limit, leaky."""
         fits = weight.ndim == 2 and bias.shape == weight.shape[:1] and scale.shape == (3,)
         if not fits or weight.dtype != np.int16 or bias.dtype != np.int64 or scale.dtype != np.int64:

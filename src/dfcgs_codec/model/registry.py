@@ -9,7 +9,7 @@ from dfcgs_codec.bitstream.constants import MODEL_HASH_BYTES
 from dfcgs_codec.errors import ModelMismatch
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.latent_model import LatentModel
-from dfcgs_codec.model.weights_file import read_arrays
+from dfcgs_codec.model.weights_file import ENDING, read_arrays
 
 #: what `dfcgs encode --profile paper` uses
 DEFAULT_MODEL = "paper-1"
@@ -32,7 +32,7 @@ def load_model(path: Path) -> AnyModel:
 @cache
 def _of_package(model_id: str) -> AnyModel | None:
     # names come from files that anybody may have made: compared, never put into a path
-    found = {path.stem: path for path in sorted(_WEIGHTS.glob("*.npz"))}
+    found = {path.stem: path for path in sorted(_WEIGHTS.glob(f"*{ENDING}"))}
     return load_model(found[model_id]) if model_id in found else None
 
 

@@ -1,35 +1,73 @@
-"""Files of frozen weights: `<model_id>.npz`, known by the SHA-256 of what is in it (spec section 16.1)."""
+"""Files of frozen weights: `<model_id>.weights`, known by the SHA-256 of their bytes (spec section 16.1).
+
+For each array in rising order of its name: name, type and shape as ASCII text, each ended by a zero byte;
+then its values, the last index running fastest, little-endian.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+import math
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Integers
 from dfcgs_codec.model.layers import Layer, LayerError, Network
 
-Arrays = Mapping[str, npt.NDArray[np.integer]]
+Arrays = Mapping[str, Integers]
+
+ENDING = ".weights"
+_TYPES = ("|i1", "<i2", "<i4", "<i8")
 
 
-def digest_of(arrays: Arrays) -> bytes:
-    """SHA-256 over name, type, shape and little-endian bytes of each array, by name."""
-    digest = hashlib.sha256()
+def file_of(arrays: Arrays) -> bytes:
+    """The bytes of the file that holds `arrays`."""
+    parts = []
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
         array = array.astype(array.dtype.newbyteorder("<"), copy=False)
-        for text in (name, array.dtype.str.replace("=", "<"), repr(tuple(array.shape))):
-            digest.update(text.encode() + b"\0")
-        digest.update(array.tobytes())
-    return digest.digest()
+        texts = (name, array.dtype.str.replace("=", "<"), repr(tuple(array.shape)))
+        parts += [text.encode() + b"\0" for text in texts]
+        parts.append(array.tobytes())
+    return b"".join(parts)
 
 
-def read_arrays(path: Path) -> dict[str, npt.NDArray[np.integer]]:
-    """The arrays of a file; nothing in it is executed."""
-    with np.load(path, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
+def digest_of(arrays: Arrays) -> bytes:
+    """SHA-256 of the file."""
+    return hashlib.sha256(file_of(arrays)).digest()
+
+
+def _arrays_of(data: bytes) -> Iterator[tuple[str, Integers]]:
+    start = 0
+    while start < len(data):
+        texts = []
+        for _ in range(3):
+            end = data.index(0, start)
+            texts.append(data[start:end].decode("ascii"))
+            start = end + 1
+        name, kind, shape = texts
+        if kind not in _TYPES:
+            raise ValueError(f"{name} has the unknown type {kind}")
+        sizes = [int(size) for size in re.findall(r"\d+", shape)]
+        values = np.frombuffer(data, kind, math.prod(sizes), start)
+        start += values.nbytes
+        yield name, values.reshape(sizes).astype(values.dtype.newbyteorder("="))
+
+
+def read_arrays(path: Path) -> dict[str, Integers]:
+    """The arrays of a file; LayerError where it is none."""
+    try:
+        return dict(_arrays_of(path.read_bytes()))
+    except ValueError as error:
+        raise LayerError(f"{path} is not a file of weights: {error}") from error
+
+
+def write_arrays(path: Path, arrays: Arrays) -> None:
+    """Write a file."""
+    path.write_bytes(file_of(arrays))
 
 
 def network_of(arrays: Arrays, name: str) -> Network | None:

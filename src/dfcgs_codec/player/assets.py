@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from dfcgs_codec.core.module import MODULE
-from dfcgs_codec.core.weights import words_of
+from dfcgs_codec.model.core_words import words_of
 from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
 
 #: of all models of profile main that the package brings

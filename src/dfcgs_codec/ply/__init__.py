@@ -2,7 +2,7 @@
 
     policy    what a caller allows (InputPolicy), what a header says (PlyHeader)
     header    bytes -> elements and properties; schema: which of them are a 3DGS frame
-    body      rows -> arrays; repair, filters: what is done to their values; read: all of it in order
+    body      rows -> arrays; repair: what is done to their values; read: all of it in order
     write     GaussianCloud -> PLY; comments: which comment lines are worth keeping
     formats   what other files are, and what makes PLYs of them; foreign: those that are read
     frames    peek_header and read_ply, for files whose names, in lower case, end in FRAME_SUFFIXES

@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from plyfile import PlyData
 
+from dfcgs_codec.array_types import AnyArray, Float64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.ply.header import Element, Header, readable
 from dfcgs_codec.ply.schema import Layout
 
-Columns = dict[str, npt.NDArray[Any]]
+Columns = dict[str, AnyArray]
 
 #: rows are copied to their arrays in blocks that stay in the cache
 _BLOCK_BYTES = 1 << 19
@@ -83,7 +83,7 @@ def ends_early(path: Path, count: int, missing: int) -> InputError:
 class _Run(NamedTuple):
     """Properties of one type that are neighbours in a row and in an array."""
 
-    target: npt.NDArray[Any]
+    target: AnyArray
     first: int
     offset: int
     dtype: np.dtype[Any]
@@ -132,7 +132,6 @@ def _read_binary(file: BinaryIO, header: Header, layout: Layout, columns: Column
 
 
 def _fill(file: BinaryIO, view: memoryview) -> int:
-    """Read until `view` is full or the file ends; returns how many bytes there were."""
     done = 0
     while done < len(view):
         count = file.readinto(view[done:])  # type: ignore[attr-defined]
@@ -142,7 +141,7 @@ def _fill(file: BinaryIO, view: memoryview) -> int:
     return done
 
 
-def _assign(columns: Columns, layout: Layout, table: dict[str, npt.NDArray[Any]]) -> None:
+def _assign(columns: Columns, layout: Layout, table: dict[str, AnyArray]) -> None:
     for key, names in layout.columns.items():
         for index, name in enumerate(names):
             # a double that float32 has no room for becomes infinite, as it does for every reader
@@ -186,7 +185,7 @@ def _read_ascii(
     return max(extra, 0)
 
 
-def _numbers(rows: list[bytes], vertex: Element, path: Path) -> npt.NDArray[np.float64]:
+def _numbers(rows: list[bytes], vertex: Element, path: Path) -> Float64:
     """The table (rows, properties) of lines of numbers."""
     width = len(vertex.properties)
     table = np.empty((len(rows), width))
@@ -240,7 +239,6 @@ def _read_lists(file: BinaryIO, header: Header, layout: Layout, columns: Columns
 
 
 def _clean_header(header: Header) -> bytes:
-    """The elements up to vertex, with names that any parser takes."""
     order = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[header.byte_order]
     lines = ["ply", f"format {order} 1.0"]
     for number, element in enumerate((*header.before_vertex, header.vertex)):

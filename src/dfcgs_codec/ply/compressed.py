@@ -73,7 +73,6 @@ def _num_rest(header: Header) -> int:
 
 
 def _problem(header: Header) -> str | None:
-    """What is not as in compressed PLYs, or None."""
     names = [e.name for e in header.elements[: _num_elements(header)]]
     if names[:2] != ["chunk", "vertex"] or header.byte_order != "<":
         return "with other elements than chunk, vertex and sh, in this order, little-endian"

@@ -167,7 +167,6 @@ def _whole(file: BinaryIO, path: Path) -> bytes:
 
 
 def _converted(data: bytes, foreign: Foreign, path: Path) -> bytes:
-    """A plain PLY, from the reader."""
     if not foreign.header.num_gaussians:
         return b""
     command = [sys.executable, "-P", "-c", _CHILD, foreign.kind]
@@ -202,7 +201,6 @@ def _columns(ply: bytes, foreign: Foreign, path: Path) -> tuple[Columns, dict[st
 
 
 def _turn(columns: Columns) -> None:
-    """From the axes of SPZ to those of PLYs, in place."""
     columns["positions"][:, 1:] *= -1
     columns["rotations"][:, 2:] *= -1
     num_rest = columns["sh_rest"].shape[1] // 3

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -28,12 +30,8 @@ def peek_header(path: Path, policy: InputPolicy | None = None) -> PlyHeader:
     other elements, a file shorter or longer than its header says, other formats without a reader.
     """
     policy = policy or InputPolicy()
-    with open_frame(path) as file:
-        try:
-            found = _opened(file, path, policy)
-            return found.header if isinstance(found, Foreign) else peek_ply(file, found, path, policy)[1]
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    with _opened(path, policy) as (file, found):
+        return found.header if isinstance(found, Foreign) else peek_ply(file, found, path, policy)[1]
 
 
 def read_ply(path: Path, policy: InputPolicy | None = None) -> tuple[GaussianCloud, list[str]]:
@@ -43,17 +41,22 @@ def read_ply(path: Path, policy: InputPolicy | None = None) -> tuple[GaussianClo
     `peek_header`, and for values that are not finite and zero quaternions, unless `policy` says otherwise.
     """
     policy = policy or InputPolicy()
+    with _opened(path, policy) as (file, found):
+        if isinstance(found, Foreign):
+            return load_foreign(file, found, path, policy)
+        return load_ply(file, found, path, policy)
+
+
+@contextmanager
+def _opened(path: Path, policy: InputPolicy) -> Iterator[tuple[BinaryIO, Header | Foreign]]:
     with open_frame(path) as file:
         try:
-            found = _opened(file, path, policy)
-            if isinstance(found, Foreign):
-                return load_foreign(file, found, path, policy)
-            return load_ply(file, found, path, policy)
+            yield file, _looked_at(file, path, policy)
         except OSError as error:
             raise InputError(f"{path}: cannot be read ({error.strerror})") from None
 
 
-def _opened(file: BinaryIO, path: Path, policy: InputPolicy) -> Header | Foreign:
+def _looked_at(file: BinaryIO, path: Path, policy: InputPolicy) -> Header | Foreign:
     suffix = path.suffix.lower()
     if suffix == ".splat":
         return peek_splat(file, path)

@@ -13,10 +13,9 @@ import numpy as np
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.ply.body import Columns, ends_early, exact_bytes, least_bytes, read_columns
-from dfcgs_codec.ply.filters import bake_filter
 from dfcgs_codec.ply.header import Header
 from dfcgs_codec.ply.policy import InputPolicy, PlyHeader
-from dfcgs_codec.ply.repair import check_values
+from dfcgs_codec.ply.repair import bake_filter, check_values
 from dfcgs_codec.ply.schema import FLAT_LOG_SCALE, NORMALS, SH_DC, Layout, frame_layout
 
 #: a colour of SH degree 0 is 0.5 + SH_C0 f_dc

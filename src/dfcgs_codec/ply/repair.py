@@ -9,28 +9,46 @@ zero quaternion       no rotation, as the reference renderer takes it; with log-
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import AnyArray, Bool, Int64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.ply.schema import FLAT_LOG_SCALE
 
+#: alpha stays below 1, so that its logit is finite
+_MOST = 1 - 1e-7
 #: alpha 1 to within 3e-7, and 0 even after a quantiser step of many logits
 OPAQUE_LOGIT = 15.0
 INVISIBLE_LOGIT = -30.0
-
 #: attribute -> (N, number of properties)
-Groups = dict[str, npt.NDArray[Any]]
+Groups = dict[str, AnyArray]
 #: attribute -> names of its properties
 Names = dict[str, tuple[str, ...]]
-_Mask = npt.NDArray[np.bool_]
 _ORDER = ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest")
 _NO_ROTATION = (1.0, 0.0, 0.0, 0.0)
 #: what -inf and inf mean
 _MEANINGS = {"scales": (FLAT_LOG_SCALE, 0.0), "opacities": (INVISIBLE_LOGIT, OPAQUE_LOGIT)}
 _LARGEST = float(np.finfo(np.float32).max)
+
+
+def bake_filter(scales: AnyArray, opacities: AnyArray, widths: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """New log-scales (N, 3) and logits (N, 1) with a filter of standard deviation `widths` (N, 1).
+
+    The variances add up; alpha is scaled by the square root of the ratio of the products of variances, so
+    that what a Gaussian hides stays the same. What is not finite stays so, for `check_values` to find.
+    """
+    with np.errstate(all="ignore"):
+        log_variance = 2 * scales.astype(np.float64)
+        widened = np.logaddexp(log_variance, 2 * np.log(np.abs(widths.astype(np.float64))))
+        log_ratio = 0.5 * (log_variance - widened).sum(axis=1, keepdims=True)
+        logits = opacities.astype(np.float64)
+        log_alpha = np.minimum(-np.logaddexp(0, -logits) + log_ratio, np.log(_MOST))
+        shrunk = log_alpha - np.log(-np.expm1(log_alpha))
+        # where the filter does nothing the logit is the one of the file, beyond what alpha can tell
+        baked = np.where(log_ratio == 0, logits, shrunk)
+    return (0.5 * widened).astype(scales.dtype), baked.astype(opacities.dtype)
 
 
 class _Finding(NamedTuple):
@@ -63,20 +81,19 @@ def check_values(groups: Groups, names: Names, prefix: str, *, repair: bool) -> 
     return [f"{prefix}: {f.what}; {f.remedy}" for f in findings]
 
 
-def _not_finite(values: npt.NDArray[Any]) -> _Mask | None:
-    """Where values are NaN or infinite as float32, None where they all are not."""
+def _not_finite(values: AnyArray) -> Bool | None:
     finite = np.isfinite(values) if values.dtype == np.float32 else np.abs(values) <= _LARGEST
     return None if finite.all() else ~finite
 
 
-def _meant(key: str, values: npt.NDArray[Any]) -> _Mask:
+def _meant(key: str, values: AnyArray) -> Bool:
     """Infinities that mean something: an axis without extent, alpha 0 or 1."""
     if key == "scales":
         return np.asarray(values < -_LARGEST)
     return np.asarray(np.abs(values) > _LARGEST) if key == "opacities" else np.zeros(values.shape, bool)
 
 
-def _values(key: str, values: npt.NDArray[Any], mask: _Mask, names: tuple[str, ...]) -> _Finding:
+def _values(key: str, values: AnyArray, mask: Bool, names: tuple[str, ...]) -> _Finding:
     row, column = np.argwhere(mask)[0]
     counts = {
         "NaN": int(np.isnan(values).sum()),
@@ -98,7 +115,7 @@ def _values(key: str, values: npt.NDArray[Any], mask: _Mask, names: tuple[str, .
     return _Finding(what, ", ".join(remedies))
 
 
-def _quaternions(zero: _Mask, empty: _Mask) -> list[_Finding]:
+def _quaternions(zero: Bool, empty: Bool) -> list[_Finding]:
     found = []
     if empty.any():
         what = (
@@ -112,7 +129,7 @@ def _quaternions(zero: _Mask, empty: _Mask) -> list[_Finding]:
     return found
 
 
-def _mend(groups: Groups, bad: dict[str, _Mask], lost: _Mask, zero: _Mask) -> None:
+def _mend(groups: Groups, bad: dict[str, Bool], lost: Bool, zero: Bool) -> None:
     twins = _twins(lost)
     never_written = lost & zero
     for key in _ORDER:
@@ -131,7 +148,7 @@ def _mend(groups: Groups, bad: dict[str, _Mask], lost: _Mask, zero: _Mask) -> No
         groups["scales"][:] = FLAT_LOG_SCALE
 
 
-def _twins(lost: _Mask) -> npt.NDArray[np.int64]:
+def _twins(lost: Bool) -> Int64:
     """For each lost Gaussian another that is not, in the order of the file; without any, itself."""
     twins, seen, count = np.arange(len(lost)), np.flatnonzero(~lost), int(lost.sum())
     if len(seen) and count:
@@ -139,7 +156,7 @@ def _twins(lost: _Mask) -> npt.NDArray[np.int64]:
     return twins
 
 
-def _clip(values: npt.NDArray[Any], key: str) -> None:
+def _clip(values: AnyArray, key: str) -> None:
     """Infinities that mean something become what they mean, other values that are not finite zero."""
     low, high = _MEANINGS.get(key, (0.0, 0.0))
     values[values < -_LARGEST] = low

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import AnyArray
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.ply.schema import NORMALS, POSITIONS, ROTATIONS, SCALES, SH_DC, rest_names
 
@@ -27,7 +26,7 @@ def write_ply(path: Path, cloud: GaussianCloud, comments: Sequence[bytes] = ()) 
         file.write(_table(groups, types, cloud.num_gaussians).data)
 
 
-def _groups(cloud: GaussianCloud) -> list[tuple[tuple[str, ...], npt.NDArray[Any]]]:
+def _groups(cloud: GaussianCloud) -> list[tuple[tuple[str, ...], AnyArray]]:
     n = cloud.num_gaussians
     return [
         (POSITIONS, cloud.positions),
@@ -40,7 +39,7 @@ def _groups(cloud: GaussianCloud) -> list[tuple[tuple[str, ...], npt.NDArray[Any
     ]
 
 
-def _types(names: Iterable[str], values: npt.NDArray[Any]) -> list[tuple[str, str]]:
+def _types(names: Iterable[str], values: AnyArray) -> list[tuple[str, str]]:
     return [(name, "<f8" if values.dtype == np.float64 else "<f4") for name in names]
 
 
@@ -53,8 +52,8 @@ def _header(count: int, types: list[tuple[str, str]], comments: Sequence[bytes])
 
 
 def _table(
-    groups: list[tuple[tuple[str, ...], npt.NDArray[Any]]], types: list[tuple[str, str]], count: int
-) -> npt.NDArray[Any]:
+    groups: list[tuple[tuple[str, ...], AnyArray]], types: list[tuple[str, str]], count: int
+) -> AnyArray:
     if all(kind == "<f4" for _, kind in types):
         table = np.empty((count, len(types)), "<f4")
         first = 0

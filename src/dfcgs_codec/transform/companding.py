@@ -9,9 +9,8 @@ thinner a third axis is beside the second, the less it shows how thin.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
+from dfcgs_codec.array_types import Int64
 
 #: |logit| in sixteenths at which the slope doubles; alpha (1 - alpha) halves from one to the next
 KNOTS = (28, 42, 54, 66, 77, 88, 99)

@@ -8,11 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS
-
-Int64 = npt.NDArray[np.int64]
+from dfcgs_codec.core import procedures
 
 #: cells lie within +- this
 CELL_LIMIT = 1 << 20
@@ -61,6 +60,12 @@ def farthest_points(cells: Int64, count: int) -> Int64:
     Begins with Gaussian 0; each next one is the farthest from all before it, the first of equals. Ends early
     when every Gaussian coincides with a chosen one.
     """
+    if procedures.is_worth(len(cells)):
+        return procedures.farthest_points(cells, count)
+    return _farthest_points(cells, count)
+
+
+def _farthest_points(cells: Int64, count: int) -> Int64:
     buckets = _buckets(cells)
     low, high = buckets.min(axis=2), buckets.max(axis=2)
     farthest = np.full(low.shape[1], np.iinfo(np.int64).max)
@@ -104,7 +109,6 @@ def _squared(cells: Int64, control: Int64, ranks: Int64) -> Int64:
 
 
 def _sorted(ranks: Int64, squared: Int64) -> tuple[Int64, Int64]:
-    """Rows by distance, ties by rank."""
     order = np.lexsort((ranks, squared), axis=1)
     return np.take_along_axis(ranks, order, 1), np.take_along_axis(squared, order, 1)
 
@@ -169,6 +173,12 @@ class Gathering:
 
 def gather_from(cells: Int64, control: Int64) -> Gathering:
     """Who follows whom: weights (1 - d / edge)**2, where the edge is the distance of the fifth nearest."""
+    if procedures.is_worth(len(cells)):
+        return Gathering(*procedures.gather(cells, control))
+    return _gather_from(cells, control)
+
+
+def _gather_from(cells: Int64, control: Int64) -> Gathering:
     count = min(NUM_GATHERED, len(control))
     asked = min(NUM_GATHERED + 1, len(control))
     ranks, squared = nearest(cells, control, asked)

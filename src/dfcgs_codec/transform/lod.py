@@ -8,13 +8,12 @@ multiples of 2**l; each is predicted from the eight nearest *in order* among the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
-Int32 = npt.NDArray[np.int32]
-AnyInt = npt.NDArray[np.integer]
+from dfcgs_codec.array_types import Int16, Int32, Int64, Integers
+from dfcgs_codec.core import procedures
 
 NUM_NEIGHBOURS = 8
 WEIGHT_BITS = 8
@@ -62,17 +61,17 @@ class Level:
         """The first of `statistics` alone."""
         return self._mean(self._windows(values)).astype(np.int64)
 
-    def _windows(self, values: Int64) -> list[AnyInt]:
+    def _windows(self, values: Int64) -> list[Integers]:
         """Neighbour k = 0..7 of each row; in 32 bits, which are several times faster, where that is exact."""
-        coarse: AnyInt = values[:: self.step]
+        coarse: Integers = values[:: self.step]
         if len(coarse) and max(int(coarse.max()), -int(coarse.min())) < _NARROW:
             coarse = coarse.astype(np.int32)
         count = len(values[self.rows])
         padded = np.pad(coarse, NUM_NEIGHBOURS // 2, mode="edge")
         return [padded[k + 1 : k + 1 + count] for k in range(NUM_NEIGHBOURS)]
 
-    def _mean(self, windows: list[AnyInt]) -> AnyInt:
-        mean: AnyInt = windows[0] * self.weights[0]
+    def _mean(self, windows: list[Integers]) -> Integers:
+        mean: Integers = windows[0] * self.weights[0]
         one = np.empty_like(mean)
         for window, weight in zip(windows[1:], self.weights[1:], strict=True):
             mean += np.multiply(window, weight, out=one)
@@ -114,12 +113,22 @@ def _weights(positions: Int64, first: int, step: int) -> Int32:
 
 def build_levels(positions: Int64) -> LevelsOfDetail:
     """Levels for `positions` (N, 3) in canonical order, in units of the position step."""
+    weights_of = partial(_weights, positions)
+    if procedures.is_worth(len(positions)):
+        weights_of = partial(_known_weights, procedures.distance_weights(positions))
     count = num_levels(len(positions))
     levels = tuple(
-        Level(1 << level, 2 << level, _weights(positions, 1 << level, 2 << level))
+        Level(1 << level, 2 << level, weights_of(1 << level, 2 << level))
         for level in range(count - 1, -1, -1)
     )
     return LevelsOfDetail(slice(0, None, 1 << count), levels)
+
+
+def _known_weights(weights: Int16, first: int, step: int) -> Int32:
+    """Those of one level among `weights` (N, 8), where levels lie behind all rows that predict them."""
+    count = len(weights)
+    start, rows = len(range(0, count, step)), len(range(first, count, step))
+    return np.ascontiguousarray(weights[start : start + rows].T, np.int32)
 
 
 def order_levels(count: int) -> LevelsOfDetail:

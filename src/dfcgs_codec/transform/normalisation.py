@@ -1,13 +1,12 @@
-"""Where a scene is and how large, so that one model fits all (spec section 16.2)."""
+"""Where a scene is and how large, so that one model fits all (spec annex B.3)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
+from dfcgs_codec.array_types import Int64
 
 #: normalised positions have this many fraction bits
 NORMAL_BITS = 15

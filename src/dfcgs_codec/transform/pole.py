@@ -9,13 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64
 from dfcgs_codec.bitstream.constants import ROTATION_FRACTION_BITS
 from dfcgs_codec.transform.rotation import ONE, multiply, normalise, round_divide
-
-Int64 = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 #: fraction bits of axes and directions
 AXIS_BITS = 15

@@ -8,13 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import ROTATION_FRACTION_BITS
 from dfcgs_codec.transform.rotation import from_stereo
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 MATRIX_FRACTION_BITS = 20
 _MATRIX_ONE = float(1 << MATRIX_FRACTION_BITS)

@@ -8,12 +8,9 @@ exactly, and a step of p is worth 2 to 4 radians per unit everywhere: no singula
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Float64, Int64
 from dfcgs_codec.bitstream.constants import ROTATION_FRACTION_BITS, STEREO_FRACTION_BITS
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 ONE = 1 << ROTATION_FRACTION_BITS
 STEREO_ONE = 1 << STEREO_FRACTION_BITS
@@ -94,7 +91,7 @@ def normalise(quaternions: Int64) -> Int64:
     return round_divide(quaternions << ROTATION_FRACTION_BITS, np.maximum(length, 1)[:, None])
 
 
-def from_float(rotations: npt.NDArray[np.float32]) -> Int64:
+def from_float(rotations: Float32) -> Int64:
     """Unit quaternions (N, 4), Q1.24, of float quaternions of any length but zero; integers decide.
 
     Each row is scaled by a power of two (exact), rounded to integers and normalised.

@@ -1,4 +1,4 @@
-"""Over which Gaussians the motion of a control point is spread, as the paper does it (spec section 16.6)."""
+"""Over which Gaussians the motion of a control point is spread, as the paper does it (spec annex B.7)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
+from dfcgs_codec.array_types import Int64
 
 #: distances are in 1/16 of a cell
 DISTANCE_FRACTION_BITS = 4

@@ -9,10 +9,8 @@ Ungerboeck's code of eight states.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
-Int8 = npt.NDArray[np.int8]
+from dfcgs_codec.array_types import Int8, Int64
 
 #: symbols of a chain, at most
 CHAIN_LENGTH = 128

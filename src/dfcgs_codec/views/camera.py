@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from dfcgs_codec.arguments import real, refusal, whole
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.errors import InputError
-
-Float64 = npt.NDArray[np.float64]
 
 #: pixels of a side, at most
 MAX_SIDE = 1 << 20
@@ -37,7 +35,6 @@ def _rotation(matrix: Float64) -> Float64:
 
 
 def _pose(value: object) -> Float64:
-    """World to camera (4, 4), with an exact rotation; InputError for what is none."""
     try:
         matrix = np.array(value, np.float64)
     except (TypeError, ValueError):

@@ -14,14 +14,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-import numpy.typing as npt
 
 from dfcgs_codec.arguments import whole
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.views.camera import ViewCamera
 from dfcgs_codec.views.fields import check_count, pose_matrix, told_of
-
-Float64 = npt.NDArray[np.float64]
 
 #: by their numbers: names and parameters; one focal length, or two, then the principal point
 _MODELS = (
@@ -78,8 +76,6 @@ def _pose(quaternion: tuple[float, ...], translation: tuple[float, ...]) -> Floa
 
 
 class _Binary:
-    """A file of little-endian records."""
-
     def __init__(self, file: BinaryIO) -> None:
         self._file, self._left = file, os.fstat(file.fileno()).st_size
 

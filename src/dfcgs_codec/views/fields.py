@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from dfcgs_codec.arguments import real, refusal
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.views.camera import LARGEST
 
-Float64 = npt.NDArray[np.float64]
 Record = Mapping[str, Any]
 
 #: cameras of a file, at most, and bytes of a JSON file: that many with half a kilobyte each

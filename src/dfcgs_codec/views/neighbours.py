@@ -12,10 +12,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
+from dfcgs_codec.array_types import Float64, Int64
 
 #: cameras nearer than this share of the radius are one
 SAME = 1e-6
@@ -40,7 +38,7 @@ class Poses:
 
     def take(self, index: Int64) -> Poses:
         """Those of `index`."""
-        return Poses(self.positions[index], self.rotations[index], self.sources[index])
+        return Poses(*(array[index] for array in vars(self).values()))
 
     def features(self, radius: float) -> Float64:
         """(n, 12): distances between them are those of cameras."""
@@ -49,11 +47,7 @@ class Poses:
 
 
 def _joined(parts: list[Poses]) -> Poses:
-    return Poses(
-        np.concatenate([part.positions for part in parts]),
-        np.concatenate([part.rotations for part in parts]),
-        np.concatenate([part.sources for part in parts]),
-    )
+    return Poses(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
 
 def distances(points: Float64, point: Float64) -> Float64:

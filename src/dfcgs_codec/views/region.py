@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from dfcgs_codec.arguments import real, refusal, whole
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.views.camera import ViewCamera, Views
 from dfcgs_codec.views.neighbours import SAME, Poses, between, distances, edges_of, outside
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 DEFAULT_COUNT = 24
 DEFAULT_MARGIN = 0.15
@@ -36,7 +33,6 @@ def _given(cameras: tuple[ViewCamera, ...]) -> tuple[Poses, Float64]:
 
 
 def _radius(positions: Float64, scene_size: float) -> float:
-    """The radius of the rig or, of cameras in one place, the scene's size."""
     radius = float(np.linalg.norm(positions, axis=1).max())
     return radius if radius > SAME * scene_size else scene_size or 1.0
 
@@ -76,7 +72,6 @@ def _in_turns(kinds: list[Float64], count: int, same: float) -> list[tuple[int, 
 
 
 def _reach(given: Poses, margin: float, scene_size: float, same: float) -> float:
-    """How far outside viewers stand, in scene units."""
     spread = given.positions[_farthest(given.positions, _SPREAD_OUT, same)]
     if len(spread) < 2:
         return margin * scene_size * _SCENE_SHARE

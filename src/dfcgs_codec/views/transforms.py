@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.views.camera import LARGEST, ViewCamera
 from dfcgs_codec.views.fields import (
@@ -27,8 +27,6 @@ from dfcgs_codec.views.fields import (
     told_of,
     world_to_camera,
 )
-
-Float64 = npt.NDArray[np.float64]
 
 PARSER_FILE = "dataparser_transforms.json"
 #: pixels of a side where no key tells: the synthetic scenes of NeRF, whose images alone do
@@ -46,7 +44,6 @@ class _Frame:
 
 
 def _square(name: str, value: object) -> Float64:
-    """A transform of 3 or 4 rows as (4, 4)."""
     matrix = matrix_of(name, value, (3, 4), 4)
     return np.vstack([matrix[:3], [0, 0, 0, 1]])
 
@@ -94,7 +91,6 @@ def _focal(found: Record, focal: str, angle: str, side: float | None) -> float |
 
 
 def _intrinsics(found: Record) -> tuple[int, int, float, float, float, float]:
-    """Width, height, fx, fy, cx and cy."""
     width, height = _side(found, "w", "cx"), _side(found, "h", "cy")
     height = height if height is not None else width
     fx = _focal(found, "fl_x", "camera_angle_x", width)

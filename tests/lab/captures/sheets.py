@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from dfcgs_codec.array_types import Float32
 from lab.captures.mesh import Mesh
-from lab.captures.picture import Float32, image, layer
+from lab.captures.picture import image, layer
 from lab.captures.rigs import Rig
 from lab.captures.rooms import Room
 from lab.meshes.asset import Material, Primitive

@@ -7,19 +7,20 @@ import pickle
 import re
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from dfcgs_codec import EncoderOptions, InputError, InputPolicy, decode_sequence, encode_sequence, open_folder
+from dfcgs_codec import InputError, InputPolicy, decode_sequence, encode_sequence, open_folder
 from dfcgs_codec.arrays.archive import Archive
 from dfcgs_codec.arrays.params import open_params
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import TimestepSource, open_frames
 from lab.small_clouds import same_cloud
-from tests.helpers import frame_hashes, write_frames
+from tests.helpers import QUICK, frame_hashes, write_frames
 from tests.troubles.situations import run
 
 SH_C0 = 0.28209479177387814
@@ -93,12 +94,11 @@ def test_timesteps_are_frames(tmp_path: Path, compressed: bool, timesteps: int, 
         assert notes == []
 
 
-@pytest.mark.parametrize("dtype", ["f4", "f8"])
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize(("dtype", "jobs"), [("f4", "1"), ("f8", "2")])
 def test_it_encodes_to_what_its_plys_encode_to(tmp_path: Path, dtype: str, jobs: str) -> None:
     found = arrays(dtype=dtype)
     path = saved(tmp_path, found)
-    options = ["--gof-size", "2", "--jobs", jobs, "--verify"]
+    options = ["--gof-size", "2", "--jobs", jobs, "--qp", "27", "--verify"]
     done = run("encode", path, tmp_path / "a.dgs", *options)
     assert done.code == 0, done.err
     assert "params.npz: 5 timesteps of 60 Gaussians" in done.err
@@ -108,7 +108,7 @@ def test_it_encodes_to_what_its_plys_encode_to(tmp_path: Path, dtype: str, jobs:
         write_frames(tmp_path / "plys", frames)
         assert run("encode", tmp_path / "plys", tmp_path / "b.dgs", *options).code == 0
     else:
-        encode_sequence(frames, tmp_path / "b.dgs", EncoderOptions(gof_size=2))
+        encode_sequence(frames, tmp_path / "b.dgs", replace(QUICK, gof_size=2))
     assert frame_hashes(tmp_path / "a.dgs") == frame_hashes(tmp_path / "b.dgs")
     decoded = list(decode_sequence(tmp_path / "a.dgs"))
     assert [frame.number for frame in decoded] == list(range(T))
@@ -118,15 +118,15 @@ def test_it_encodes_to_what_its_plys_encode_to(tmp_path: Path, dtype: str, jobs:
 
 def test_compressed_ones_are_encoded_by_several_processes(tmp_path: Path) -> None:
     path = saved(tmp_path, arrays(timesteps=7), compressed=True)
-    encode_sequence(path, tmp_path / "a.dgs", EncoderOptions(gof_size=2, jobs=2))
-    encode_sequence(path, tmp_path / "b.dgs", EncoderOptions(gof_size=2, jobs=1))
+    encode_sequence(path, tmp_path / "a.dgs", replace(QUICK, gof_size=2, jobs=2))
+    encode_sequence(path, tmp_path / "b.dgs", replace(QUICK, gof_size=2, jobs=1))
     assert (tmp_path / "a.dgs").read_bytes() == (tmp_path / "b.dgs").read_bytes()
 
 
 def test_python_takes_the_path_the_folder_and_the_source(tmp_path: Path) -> None:
     path = saved(tmp_path, arrays())
     for number, frames in enumerate((path, str(path), tmp_path, open_folder(tmp_path), [path])):
-        report = encode_sequence(frames, tmp_path / f"{number}.dgs")
+        report = encode_sequence(frames, tmp_path / f"{number}.dgs", QUICK)
         assert len(report.frames) == T
         assert any("5 timesteps" in note for note in report.notes)
         assert (tmp_path / f"{number}.dgs").read_bytes() == (tmp_path / "0.dgs").read_bytes()

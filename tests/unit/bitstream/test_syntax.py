@@ -43,7 +43,6 @@ from dfcgs_codec.bitstream.frame_headers import (
     IntraSteps,
     SortGrid,
     coded_attributes,
-    intra_streams,
 )
 from dfcgs_codec.bitstream.index import End, Index, IndexEntry
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
@@ -147,18 +146,16 @@ LATENT_HEADERS = st.builds(
 def intra_headers(draw: st.DrawFn) -> IntraHeader:
     kind = draw(st.sampled_from(IntraKind))
     permuted = draw(st.booleans())
-    coded = kind == IntraKind.CODED
-    attributes = coded_attributes(SMALL.sh_degree)
-    count = len(intra_streams(SMALL.sh_degree) if coded else attributes) + permuted
+    coded, control = kind == IntraKind.CODED, draw(CONTROLS)
+    most = min(SMALL.limits.max_gaussians, SMALL.limits.max_control_points * control.spacing)
     return IntraHeader(
         draw(HASHES),
         kind,
-        draw(st.integers(1, SMALL.limits.max_gaussians)),
+        draw(st.integers(1, most)),
         permuted,
-        draw(CONTROLS),
+        control,
         draw(SORT_GRIDS) if coded else None,
         draw(INTRA_STEPS) if coded else None,
-        tuple(draw(st.lists(LENGTHS, min_size=count, max_size=count))),
     )
 
 
@@ -199,9 +196,9 @@ STRUCTURES: dict[str, tuple[st.SearchStrategy[Any], Callable[[ByteReader, Any], 
     "IntraHeader": (intra_headers(), lambda r, _: IntraHeader.read(r, SMALL)),
     "InterHeader": (inter_headers(), lambda r, _: InterHeader.read(r, SMALL)),
     "PaperInterHeader": (PAPER_INTER_HEADERS, lambda r, _: InterHeader.read(r, PAPER)),
-    "LatentHeader": (LATENT_HEADERS, lambda r, _: LatentHeader.read(r)),
+    "LatentHeader": (LATENT_HEADERS, lambda r, _: LatentHeader.read(r, SMALL)),
     "SpreadHeader": (SPREAD_HEADERS, lambda r, _: SpreadHeader.read(r)),
-    "MotionHeader": (MOTION_HEADERS, lambda r, _: MotionHeader.read(r)),
+    "MotionHeader": (MOTION_HEADERS, lambda r, _: MotionHeader.read(r, SMALL)),
     "Index": (indices(), lambda r, _: Index.read(r, SMALL)),
     "End": (st.builds(End, LENGTHS), lambda r, _: End.read(r)),
 }
@@ -356,7 +353,6 @@ def intra_header(**changes: Any) -> IntraHeader:
         "control": ControlHeader(70, 6),
         "sort_grid": SortGrid(0, 3, (0, 0, 0), False),
         "steps": INTRA,
-        "lengths": (0,) * 9,
     }
     return IntraHeader(**(fields | changes))
 
@@ -479,7 +475,7 @@ def test_units_that_networks_cannot_take(changes: dict[str, int], fine: bool) ->
 def test_latent_header_refuses_steps(step_log2: int) -> None:
     header = LatentHeader(10, step_log2, SpreadHeader(30, 2))
     with pytest.raises(LimitExceeded, match="latent_step_log2"):
-        LatentHeader.read(ByteReader(write(header)))
+        LatentHeader.read(ByteReader(write(header)), SMALL)
 
 
 def test_inter_header_refuses_unknown_tools() -> None:
@@ -504,7 +500,7 @@ def test_a_frame_that_repeats_its_reference_takes_18_bytes() -> None:
 )
 def test_motion_header_refuses(header: MotionHeader, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
-        MotionHeader.read(ByteReader(write(header)))
+        MotionHeader.read(ByteReader(write(header)), SMALL)
 
 
 @pytest.mark.parametrize(
@@ -517,7 +513,7 @@ def test_motion_header_refuses(header: MotionHeader, error: type[Exception], wor
 )
 def test_spread_header_refuses(spread: SpreadHeader, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
-        LatentHeader.read(ByteReader(write(LatentHeader(5, 0, spread))))
+        LatentHeader.read(ByteReader(write(LatentHeader(5, 0, spread))), SMALL)
 
 
 # --- Index --------------------------------------------------------------------------------------------

@@ -135,23 +135,26 @@ def test_a_payload_with_a_byte_too_many_is_corrupt(chunks: list[Chunk], at: int)
         decode(with_payload(chunks, at, chunks[at].payload + b"\x00"))
 
 
+@pytest.mark.parametrize("every", [5, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("at", [2, 3, 4])
-def test_every_shorter_payload_is_corrupt(chunks: list[Chunk], at: int) -> None:
-    for length in range(len(chunks[at].payload)):
+def test_every_shorter_payload_is_corrupt(chunks: list[Chunk], at: int, every: int) -> None:
+    for length in range(0, len(chunks[at].payload), every):
         with pytest.raises(CorruptBitstream):
             decode(with_payload(chunks, at, chunks[at].payload[:length]))
 
 
+@pytest.mark.parametrize("most", [150, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", [IntraKind.CODED, IntraKind.PLY])
-def test_damage_behind_a_right_checksum_is_refused_or_decodes(tmp_path: Path, kind: IntraKind) -> None:
+def test_damage_behind_a_right_checksum_is_refused_or_decodes(
+    tmp_path: Path, kind: IntraKind, most: int
+) -> None:
     """Nothing but BitstreamError and VerificationError comes out, whatever a byte is changed to."""
     frames = all_changing(make_cloud(3 if kind == IntraKind.PLY else 33), 2)
     encode(frames, tmp_path / "a.dgs", encoder_options(intra=kind))
     chunks = split_chunks((tmp_path / "a.dgs").read_bytes())
     refused = tried = 0
     for at, chunk in enumerate(chunks):
-        # at most about a thousand damages a chunk
-        for position in range(0, len(chunk.payload), 1 + len(chunk.payload) // 1000):
+        for position in range(0, len(chunk.payload), 1 + len(chunk.payload) // most | 1):
             wrong = bytearray(chunk.payload)
             wrong[position] ^= (0x01, 0x80, 0x24, 0xFF)[position % 4]
             refused, tried = refused + 1, tried + 1

@@ -10,10 +10,11 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps
 from dfcgs_codec.bitstream.motion_header import LatentHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.columns.reader import SymbolReader
-from dfcgs_codec.codec.frame.gof_state import GofSetup, GofState
+from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.intra.verbatim import state_of
 from dfcgs_codec.codec.motion.compensation import ControlSource
 from dfcgs_codec.codec.paper.latent_motion import (
+    LatentControl,
     LatentReference,
     appearance_of,
     code_hyper,
@@ -33,8 +34,8 @@ STEPS = IntraSteps(dict.fromkeys(Attribute, 16), 0, dict.fromkeys(Attribute, 0),
 
 def state(count: int = 600, sh_degree: int = 2) -> GofState:
     planes = state_of(make_cloud(count, sh_degree, 3), UNITS).planes
-    setup = GofSetup(ControlHeader(10, 3), UNITS)
-    return GofState.of_intra(FrameState(planes), setup, STEPS)
+    control = ControlHeader(10, 3)
+    return GofState.of_intra(FrameState(planes), control, STEPS, UNITS, None)
 
 
 def reference(model: LatentModel | None = None, sh_degree: int = 2) -> LatentReference:
@@ -106,8 +107,8 @@ def test_motion_follows_the_size_of_the_scene() -> None:
     small = state()
     planes = dict(small.frame.planes)
     planes[Attribute.POSITION] = type(planes[Attribute.POSITION])(planes[Attribute.POSITION].wide() * 2)
-    setup = GofSetup(ControlHeader(10, 4), UNITS)
-    large = GofState.of_intra(FrameState(planes), setup, STEPS)
+    control = ControlHeader(10, 4)
+    large = GofState.of_intra(FrameState(planes), control, STEPS, UNITS, None)
     latents = np.random.default_rng(1).integers(-3000, 3000, (60, 16))
     went = []
     for found, exponent in ((small, -10), (large, -10)):
@@ -155,8 +156,8 @@ def _scene(count: int) -> FrameState:
     return FrameState({attribute: Plane(values) for attribute, values in planes.items()})
 
 
-def _source(frame: FrameState, spacing: int, shift: int = 2) -> ControlSource:
-    return ControlSource(frame.planes[Attribute.POSITION], ControlHeader(spacing, shift))
+def _source(frame: FrameState, spacing: int, shift: int = 2) -> LatentControl:
+    return LatentControl(ControlSource(frame.planes[Attribute.POSITION], ControlHeader(spacing, shift)))
 
 
 def test_no_motion_changes_no_bit() -> None:
@@ -171,7 +172,7 @@ def test_no_motion_changes_no_bit() -> None:
 def test_motion_is_spread_as_the_paper_has_it() -> None:
     frame = _scene(400)
     source = _source(frame, 20)
-    cells, points = source.points()
+    cells, points = source.points
     motions = np.random.default_rng(1).integers(-4000, 4000, (len(points), 7))
     motions[:, 3:] *= 1000
     moved = spread_over(motions, source.spreading(SpreadHeader(30, -4)), frame)
@@ -205,6 +206,6 @@ def test_the_largest_motions_stay_on_the_grid() -> None:
 def test_a_rotation_that_would_vanish_stays() -> None:
     frame = _scene(50)
     source = _source(frame, 1, 0)
-    gone = -frame.planes[Attribute.ROTATION].wide()[source.points()[1]]
+    gone = -frame.planes[Attribute.ROTATION].wide()[source.points[1]]
     motions = np.concatenate([np.zeros((len(gone), 3), np.int64), gone], axis=1)
     assert spread_over(motions, source.spreading(SpreadHeader(1, 0)), frame).hash() == frame.hash()

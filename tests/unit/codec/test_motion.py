@@ -13,7 +13,7 @@ from dfcgs_codec.codec.motion.walk import (
     MotionSymbols,
     code_motion,
 )
-from dfcgs_codec.encoder.columns.streams import Streams
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
 from dfcgs_codec.encoder.residual.block_classes import classify_modes
 from dfcgs_codec.model.context_model import NUM_CONTROL_COMMON
 from dfcgs_codec.model.registry import DEFAULT_PRIOR, context_model
@@ -47,11 +47,10 @@ def test_round_trip_with_history(points: int, columns: int, share: float) -> Non
     history = MotionSymbols.none(points, 515)
     for seed in range(3):
         symbols = random_motion(points, columns, 515, share, seed)
-        streams = Streams()
-        code_motion(streams.next, symbols, history, shape)
-        readers = [SymbolReader(stream) for stream in streams.finish()]
-        waiting = iter(readers)
-        found = code_motion(lambda waiting=waiting: next(waiting), None, history, shape)  # type: ignore[misc]
+        writers = [SymbolWriter(), SymbolWriter()]
+        code_motion(iter(writers).__next__, symbols, history, shape)
+        readers = [SymbolReader(writer.getvalue()) for writer in writers]
+        found = code_motion(iter(readers).__next__, None, history, shape)
         for reader in readers:
             reader.finish()
         assert np.array_equal(found.control, symbols.control)
@@ -63,10 +62,10 @@ def test_round_trip_with_history(points: int, columns: int, share: float) -> Non
 def test_what_goes_on_costs_little() -> None:
     shape = shape_of(10, 3)
     symbols = random_motion(10, 3, 6400, 0.5)
-    streams = Streams()
-    code_motion(streams.next, symbols, MotionSymbols.none(10, 6400), shape)
-    first = len(streams.finish()[0])
-    streams = Streams()
-    code_motion(streams.next, symbols, symbols, shape)
-    assert first > 6400 / 8
-    assert len(streams.finish()[0]) < 20
+    sizes = []
+    for history in (MotionSymbols.none(10, 6400), symbols):
+        writers = [SymbolWriter(), SymbolWriter()]
+        code_motion(iter(writers).__next__, symbols, history, shape)
+        sizes.append(len(writers[0].getvalue()))
+    assert sizes[0] > 6400 / 8
+    assert sizes[1] < 20

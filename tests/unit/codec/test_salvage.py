@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import random
-from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import pytest
 from dfcgs_codec import EncoderOptions
 from dfcgs_codec.bitstream.constants import MAGIC, ChunkType
 from dfcgs_codec.bitstream.container import ContainerReader, write_chunk
-from dfcgs_codec.bitstream.frame_headers import IntraHeader
+from dfcgs_codec.bitstream.frame_headers import IntraHeader, read_lengths
 from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
 from dfcgs_codec.codec.frame.salvage import salvage
@@ -127,10 +126,14 @@ def test_the_search_for_frames_is_bounded() -> None:
     chunks = split_chunks((CONFORMANCE / "single_gaussian.dgs").read_bytes())
     sequence = SequenceHeader.read(ByteReader(chunks[0].payload))
     payload = next(c.payload for c in chunks if c.chunk_type == ChunkType.INTRA_FRAME)
-    header = IntraHeader.read(ByteReader(payload), sequence)
+    reader = ByteReader(payload)
+    header = IntraHeader.read(reader, sequence)
+    lengths = list(read_lengths(reader, header.streams(sequence.sh_degree)).values())
     rest = 100_000
     writer = ByteWriter()
-    replace(header, lengths=(*header.lengths[:-1], rest - sum(header.lengths[:-1]))).write(writer)
+    header.write(writer)
+    for length in [*lengths[:-1], rest - sum(lengths[:-1])]:
+        writer.uvarint(length)
     head = ByteWriter()
     head.raw(bytes([ChunkType.INTRA_FRAME, 0]))
     head.uvarint(len(writer) + rest)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dfcgs_codec import encode_sequence, probe
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.encoder.frame.targets import Targets
 from dfcgs_codec.encoder.images.balance import (
@@ -80,6 +81,16 @@ def test_errors_grow_with_the_square_of_steps() -> None:
         assert (small[attribute].swaps > 0.0) == (attribute == Attribute.POSITION)
 
 
+def error_of_positions(cloud: GaussianCloud, coarser: float) -> ImageError:
+    drawn = quantised(cloud, coarser)
+
+    def draw(rows: Int64) -> tuple[Splats, dict[Attribute, Splats]]:
+        splats, changed = drawn.draw(rows)
+        return splats, {Attribute.POSITION: changed[Attribute.POSITION]}
+
+    return image_errors(patches_nearby(Splats.of(cloud)), draw)[Attribute.POSITION]
+
+
 def errors_of_positions(coarser: list[float]) -> list[ImageError]:
     """Means over some balls of opaque Gaussians: a pair that lies as near as can be swaps at any step."""
     found = []
@@ -87,7 +98,7 @@ def errors_of_positions(coarser: list[float]) -> list[ImageError]:
         total = ImageError(0.0)
         for seed in range(4):
             cloud = ball(alpha=0.9, count=6000, seed=seed)
-            total += errors_of(cloud, quantised(cloud, step))[Attribute.POSITION].scaled(1 / 4)
+            total += error_of_positions(cloud, step).scaled(1 / 4)
         found.append(total)
     return found
 

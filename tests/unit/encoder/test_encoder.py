@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -13,6 +14,7 @@ from dfcgs_codec.model.registry import DEFAULT_PRIOR
 from dfcgs_codec.ply import PlyHeader
 from dfcgs_codec.sequence import MemorySource
 from lab.small_clouds import make_cloud, still
+from tests.helpers import QUICK
 
 
 class FakeSource:
@@ -62,7 +64,7 @@ def test_no_frames_are_refused(tmp_path) -> None:
 def test_progress_counts_up_to_the_end(tmp_path) -> None:
     calls: list[tuple[int, int]] = []
     frames = still(make_cloud(5), 7)
-    options = EncoderOptions(gof_size=3)
+    options = replace(QUICK, gof_size=3)
     encode_sequence(frames, tmp_path / "a.dgs", options, progress=lambda *c: calls.append(c))
     assert [total for _, total in calls] == [7] * len(calls)
     assert [done for done, _ in calls] == sorted(done for done, _ in calls)
@@ -70,7 +72,7 @@ def test_progress_counts_up_to_the_end(tmp_path) -> None:
 
 
 def test_the_report_has_every_byte(tmp_path) -> None:
-    report = encode_sequence(still(make_cloud(5), 4), tmp_path / "a.dgs")
+    report = encode_sequence(still(make_cloud(5), 4), tmp_path / "a.dgs", QUICK)
     assert report.num_bytes == (tmp_path / "a.dgs").stat().st_size
     assert sum(f.num_bytes for f in report.frames) < report.num_bytes
 
@@ -91,6 +93,6 @@ def test_a_frame_that_cannot_be_coded_leaves_nothing(tmp_path, where: int) -> No
 def test_frames_are_not_changed(tmp_path) -> None:
     cloud = make_cloud(40, 1)
     before = [getattr(cloud, f).copy() for f in ("positions", "rotations", "scales", "sh_rest")]
-    encode_sequence(still(cloud, 3), tmp_path / "a.dgs")
+    encode_sequence(still(cloud, 3), tmp_path / "a.dgs", QUICK)
     after = [cloud.positions, cloud.rotations, cloud.scales, cloud.sh_rest]
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))

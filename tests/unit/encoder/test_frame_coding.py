@@ -24,9 +24,9 @@ def coded_frames(monkeypatch: pytest.MonkeyPatch) -> list[CodedFrame]:
     """Collects every frame that the encoder codes from now on, tried ones too."""
     found: list[CodedFrame] = []
     for module, name in (
-        (segment_module, "code_intra_frame"),
-        (segment_module, "code_verbatim_frame"),
-        (inter_coding, "code_inter_frame"),
+        (segment_module, "coded_intra"),
+        (segment_module, "coded_verbatim"),
+        (inter_coding, "coded_inter"),
     ):
         original = getattr(module, name)
 

@@ -24,10 +24,10 @@ from dfcgs_codec.model.registry import register
 from dfcgs_codec.sequence import open_folder
 from lab.options import encoder_options
 from lab.small_clouds import make_cloud
-from tests.helpers import write_frames
+from tests.helpers import QUICK, write_frames
 from tests.latent_models import random_model
 
-PAPER = encoder_options(profile=Profile.PAPER, model_id="random")
+PAPER = encoder_options(QUICK, profile=Profile.PAPER, model_id="random")
 
 
 @pytest.fixture(autouse=True)

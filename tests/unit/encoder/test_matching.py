@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 from itertools import islice, pairwise
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.encoder.matching.descriptors import match_bits
 from dfcgs_codec.encoder.matching.matching import match
 from dfcgs_codec.encoder.matching.nearest import certain_pairs, mutual, tree
@@ -25,9 +25,6 @@ from lab.small_clouds import (
     with_outliers,
 )
 from tests.helpers import turns
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 #: more than the sample that is searched first
 COUNT = 5000

@@ -13,8 +13,9 @@ from dfcgs_codec.encoder.motion.motion_judge import lasting_bits, residual_bits
 from dfcgs_codec.encoder.plan.tuning import MotionMode
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, make_cloud, real_cloud, still, travelling, waving
+from tests.helpers import QUICK
 
-OFF = encoder_options(motion=MotionMode.OFF)
+OFF = encoder_options(QUICK, motion=MotionMode.OFF)
 
 
 def small(count: int, seed: int = 0) -> GaussianCloud:
@@ -34,7 +35,7 @@ def sizes(frames: list[GaussianCloud], folder: Path, options: EncoderOptions) ->
 def test_a_turning_part_costs_little(tmp_path: Path) -> None:
     cloud = small(3000)
     frames = [waving(cloud, 0.05 * index) for index in range(5)]
-    with_motion = sizes(frames, tmp_path, encoder_options(control_spacing=40))
+    with_motion = sizes(frames, tmp_path, encoder_options(QUICK, control_spacing=40))
     without = sizes(frames, tmp_path, OFF)
     assert all("MOTION" in frame for frame in with_motion)
     assert sum(f["all"] for f in with_motion) < 0.5 * sum(f["all"] for f in without)
@@ -57,19 +58,19 @@ def test_what_stands_still_beside_motion_keeps_every_bit(tmp_path: Path) -> None
 
 
 def test_a_scene_that_travels_takes_little(tmp_path: Path) -> None:
-    found = sizes(travelling(small(2000), 3), tmp_path, EncoderOptions())
+    found = sizes(travelling(small(2000), 3), tmp_path, QUICK)
     assert max(frame["all"] for frame in found) < 200
 
 
 @pytest.mark.parametrize("frames", [still(small(300), 3), all_changing(make_cloud(300, 1), 3)])
 def test_motion_that_does_not_pay_is_absent(frames: list[GaussianCloud], tmp_path: Path) -> None:
-    found = sizes(frames, tmp_path, EncoderOptions())
+    found = sizes(frames, tmp_path, QUICK)
     without = sizes(frames, tmp_path, OFF)
     assert sum(f["all"] for f in found) <= sum(f["all"] for f in without)
 
 
 def test_motion_can_be_left_alone(tmp_path: Path) -> None:
-    alone = sizes(all_changing(make_cloud(300), 3), tmp_path, encoder_options(motion=MotionMode.ONLY))
+    alone = sizes(all_changing(make_cloud(300), 3), tmp_path, encoder_options(QUICK, motion=MotionMode.ONLY))
     assert all(set(frame) == {"MOTION", "all"} for frame in alone)
 
 
@@ -79,7 +80,9 @@ def test_outliers_and_coincident_gaussians(tmp_path: Path) -> None:
     positions[:5] *= 1000
     positions[100:200] = positions[100]
     cloud = replace(cloud, positions=positions)
-    found = sizes([waving(cloud, 0.02 * i) for i in range(3)], tmp_path, encoder_options(control_spacing=15))
+    found = sizes(
+        [waving(cloud, 0.02 * i) for i in range(3)], tmp_path, encoder_options(QUICK, control_spacing=15)
+    )
     assert len(found) == 2
 
 

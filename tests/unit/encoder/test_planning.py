@@ -13,14 +13,16 @@ from dfcgs_codec import EncoderOptions, GaussianCloud, decode_sequence, encode_s
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.encoder.images.patches import patches_nearby, patches_of_views
 from dfcgs_codec.encoder.images.splats import Splats
+from dfcgs_codec.encoder.plan.estimator import _better_qp, aimed_at
 from dfcgs_codec.encoder.plan.plan import SequencePlan
-from dfcgs_codec.encoder.plan.planning import _better_qp, aimed_at, plan_sequence
+from dfcgs_codec.encoder.plan.planning import plan_sequence
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.sequence import MemorySource
 from dfcgs_codec.views.camera import ViewCamera, Views
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, coincident_cloud, joined, make_cloud, real_cloud, with_outliers
 from lab.small_room import gaussians, looking, room, viewers
+from tests.helpers import taking_turns
 
 NAMES = {"low": 32.0, "medium": 37.0, "high": 42.0, "transparent": 50.0}
 
@@ -43,8 +45,12 @@ def plan_of(clouds: list[GaussianCloud], **options: Any) -> SequencePlan:
     return plan_sequence(MemorySource(clouds), encoder_options(**options))
 
 
-@pytest.mark.parametrize("quality", [32.0, 42.0, 50.0])
-@pytest.mark.parametrize("scene", ["ball", "asset", "ball with views"])
+@pytest.mark.parametrize(
+    ("scene", "quality"),
+    [("ball", 32.0), ("asset", 42.0), ("asset", 50.0), ("ball with views", 42.0)]
+    + [pytest.param("ball", quality, marks=pytest.mark.slow) for quality in (42.0, 50.0)]
+    + [pytest.param("ball with views", quality, marks=pytest.mark.slow) for quality in (32.0, 50.0)],
+)
 def test_the_estimate_is_what_was_asked_for(scene: str, quality: float) -> None:
     cloud = real_cloud(2000) if scene == "asset" else ball()
     plan = plan_of([cloud], quality=quality, views=around() if "views" in scene else None)
@@ -54,8 +60,15 @@ def test_the_estimate_is_what_was_asked_for(scene: str, quality: float) -> None:
     assert 0 < plan.qp < 51
 
 
-@pytest.mark.parametrize("views", [None, around()], ids=["none", "views"])
-@pytest.mark.parametrize("quality", [34.0, 44.0])
+@pytest.mark.parametrize(
+    ("views", "quality"),
+    [
+        pytest.param(None, 34.0, id="none"),
+        pytest.param(around(), 44.0, id="views"),
+        pytest.param(None, 44.0, id="none, finer", marks=pytest.mark.slow),
+        pytest.param(around(), 34.0, id="views, coarser", marks=pytest.mark.slow),
+    ],
+)
 def test_images_are_about_as_good_as_estimated(views: Views | None, quality: float, tmp_path: Path) -> None:
     cloud = real_cloud(2000)
     options = EncoderOptions(quality=quality, views=views, order="input")
@@ -197,16 +210,20 @@ def check(frames: list[GaussianCloud], path: Path, **options: Any) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("views", [None, viewers()], ids=["none", "views"])
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize(
+    ("name", "views"),
+    [
+        *[pytest.param(name, viewers(), id=f"{name}, views") for name in OPTIONS],
+        *[pytest.param(name, None, id=name, marks=pytest.mark.slow) for name in OPTIONS],
+    ],
+)
 def test_options_get_along_with_qualities_and_views(name: str, views: Views | None, tmp_path: Path) -> None:
     frames = [room(), replace(room(), sh_dc=room().sh_dc + np.float32(0.02))]
     check(frames, tmp_path / "a.dgs", views=views, **OPTIONS[name])
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("views", [None, viewers()], ids=["none", "views"])
-@pytest.mark.parametrize("name", CLOUDS)
+@pytest.mark.parametrize(("name", "views"), taking_turns(list(CLOUDS), (None, viewers())))
 def test_any_cloud_is_planned_and_coded(name: str, views: Views | None, tmp_path: Path) -> None:
     check(CLOUDS[name], tmp_path / "a.dgs", views=views)
 

@@ -17,6 +17,7 @@ from dfcgs_codec.model import registry
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, drifting, make_cloud, real_cloud, succeeding, waving
 from tests.context_models import random_prior
+from tests.helpers import QUICK
 
 MOVING = {"control_spacing": 15}
 
@@ -47,7 +48,7 @@ def sequences() -> dict[str, tuple[list[GaussianCloud], dict]]:
 
 def coded(frames: list[GaussianCloud], path: Path, **options: object) -> list[GaussianCloud]:
     """What comes out again, hashes checked."""
-    encode_sequence(frames, path, encoder_options(**options), force=True)  # type: ignore[arg-type]
+    encode_sequence(frames, path, encoder_options(QUICK, **options), force=True)  # type: ignore[arg-type]
     return [frame.cloud() for frame in decode_sequence(path)]
 
 
@@ -60,7 +61,7 @@ def test_any_prior_leads_to_what_the_encoder_had(name: str, model: str | None, t
 
 
 def test_bytes_do_not_depend_on_the_number_of_processes(tmp_path: Path) -> None:
-    frames = drifting(real_cloud(200), 12)
+    frames = drifting(real_cloud(200), 7)
     for jobs in (1, 2):
         coded(frames, tmp_path / f"{jobs}.dgs", jobs=jobs, gof_size=3)
     assert (tmp_path / "1.dgs").read_bytes() == (tmp_path / "2.dgs").read_bytes()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dfcgs_codec.encoder.plan.triage import is_tracked
+from dfcgs_codec.encoder.matching.identity import is_tracked
 from dfcgs_codec.gaussians import GaussianCloud
 from lab.small_clouds import coincident_cloud, make_cloud, real_cloud, shuffled, travelling, with_outliers
 

@@ -14,7 +14,7 @@ from dfcgs_codec.encoder.frame.report import EncodeReport
 from lab.options import encoder_options
 from lab.small_clouds import all_changing, same_cloud, shuffled, succeeding
 from lab.small_room import NUM_WALLS, behind, inside, room, viewers
-from tests.helpers import match
+from tests.helpers import match, taking_turns
 
 INSIDE = slice(NUM_WALLS, NUM_WALLS + 40)
 BEHIND = slice(NUM_WALLS + 40, None)
@@ -116,8 +116,9 @@ def test_frames_of_other_counts_are_looked_at_one_by_one(tmp_path: Path) -> None
     assert report.num_unseen == room().num_gaussians - decoded[0].num_gaussians
 
 
-@pytest.mark.parametrize("kind", ["tracked", "births and deaths", "lost order"])
-@pytest.mark.parametrize("keep", [False, True], ids=["left out", "kept"])
+@pytest.mark.parametrize(
+    ("kind", "keep"), taking_turns(["tracked", "births and deaths", "lost order"], (False, True))
+)
 def test_the_number_of_processes_changes_no_byte(kind: str, keep: bool, tmp_path: Path) -> None:
     frames = {
         "tracked": lambda: all_changing(room(), 4),

@@ -61,7 +61,7 @@ def test_networks_are_those_of_the_text(name: str, source: str) -> None:
         from dfcgs_codec.model import registry
         from dfcgs_codec.model.weights_file import read_arrays
 
-        arrays = read_arrays(registry._WEIGHTS / f"{DEFAULT_PRIOR}.npz")
+        arrays = read_arrays(registry._WEIGHTS / f"{DEFAULT_PRIOR}.weights")
     width, classes = WIDTHS[name]
     inputs = extreme_inputs(60, width)
     for common in (0, 3, width):

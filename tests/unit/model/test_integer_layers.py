@@ -8,14 +8,13 @@ import subprocess
 import sys
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from dfcgs_codec.array_types import Int16, Int64, Integers
 from dfcgs_codec.model.layers import ACTIVATION_LIMIT, OUTPUT_LIMIT, Layer, LayerError, Network
 from tests.helpers import ROOT
 
-Int64 = npt.NDArray[np.int64]
-Arrays = tuple[npt.NDArray[np.int16], Int64, Int64]
+Arrays = tuple[Int16, Int64, Int64]
 
 
 def arrays(rng: np.random.Generator, widths: tuple[int, ...], *, extreme: bool = False) -> list[Arrays]:
@@ -117,7 +116,7 @@ def test_sums_that_could_be_inexact_are_refused() -> None:
         ({"scale": np.array([1, 5, 2])}, "leaky 2"),
     ],
 )
-def test_arrays_that_make_no_layer(changes: dict[str, npt.NDArray[np.integer]], words: str) -> None:
+def test_arrays_that_make_no_layer(changes: dict[str, Integers], words: str) -> None:
     parts = {
         "weight": np.zeros((2, 3), np.int16),
         "bias": np.zeros(2, np.int64),

@@ -14,7 +14,7 @@ from dfcgs_codec.model import registry
 from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.model.layers import LayerError
 from dfcgs_codec.model.registry import DEFAULT_MODEL, installed, load_model, model_of_stream, register
-from dfcgs_codec.model.weights_file import digest_of
+from dfcgs_codec.model.weights_file import digest_of, read_arrays, write_arrays
 from tests.latent_models import random_arrays, random_model
 
 
@@ -42,9 +42,24 @@ def test_the_digest_knows_neither_byte_order_nor_memory_layout() -> None:
 
 def test_a_file_is_a_model(tmp_path: Path) -> None:
     arrays = random_arrays(5)
-    np.savez(tmp_path / "some-model.npz", **arrays)
-    model = load_model(tmp_path / "some-model.npz")
+    write_arrays(tmp_path / "some-model.weights", arrays)
+    model = load_model(tmp_path / "some-model.weights")
     assert (model.model_id, model.digest) == ("some-model", digest_of(arrays))
+    found = read_arrays(tmp_path / "some-model.weights")
+    assert sorted(found) == sorted(arrays)
+    for name, array in found.items():
+        assert array.dtype == arrays[name].dtype
+        assert np.array_equal(array, arrays[name])
+
+
+def test_damaged_files_are_no_models(tmp_path: Path) -> None:
+    path = tmp_path / "some-model.weights"
+    write_arrays(path, {"a": np.array([3], np.int64), "b": np.array([[1, -2]], np.int16)})
+    data = path.read_bytes()
+    for damaged in (data[:-1], data[:20], data + b"c", data.replace(b"<i2", b"<O2")):
+        path.write_bytes(damaged)
+        with pytest.raises(LayerError, match="no"):
+            read_arrays(path)
 
 
 def test_models_are_found_by_id_and_hash() -> None:
@@ -57,7 +72,7 @@ def test_models_are_found_by_id_and_hash() -> None:
         model_of_stream("mine", bytes(8))
 
 
-@pytest.mark.parametrize("name", ["", "../latent_model", "/etc/passwd", "paper-1.npz", "PAPER-1", "*"])
+@pytest.mark.parametrize("name", ["", "../latent_model", "/etc/passwd", "paper-1.weights", "PAPER-1", "*"])
 def test_names_are_never_paths(name: str) -> None:
     with pytest.raises(ModelMismatch, match="not installed"):
         installed(name)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.transform.control_points import (
     CELL_LIMIT,
     GATHER_WEIGHT_BITS,
@@ -13,8 +14,6 @@ from dfcgs_codec.transform.control_points import (
     nearest,
 )
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
-
-Int64 = np.ndarray
 
 
 def random_cells(count: int, seed: int = 0, reach: int = 2000) -> Int64:

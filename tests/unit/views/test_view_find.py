@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dfcgs_codec.views.find import find_views
+from dfcgs_codec.views.read import find_views
 from tests.unit.views.view_files import colmap_text, some_cameras
 
 FLAT = ["f_0.ply", "f_1.ply"]

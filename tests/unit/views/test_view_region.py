@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from dfcgs_codec import InputError
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.views.camera import ViewCamera, Views
 from dfcgs_codec.views.region import positions_between, reach_of
 from tests.unit.views.view_files import camera
 
-Float64 = npt.NDArray[np.float64]
 SIZE = 10.0
 
 

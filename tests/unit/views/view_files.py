@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from dfcgs_codec.array_types import Float64
 from dfcgs_codec.views.camera import ViewCamera
 
 #: COLMAP's models with one focal length, by number and name, and how many parameters of distortion they have
@@ -19,7 +19,7 @@ ONE_FOCAL = {0: ("SIMPLE_PINHOLE", 0), 2: ("SIMPLE_RADIAL", 1), 3: ("RADIAL", 2)
 
 
 def camera(
-    position: Sequence[float] | npt.NDArray[np.float64] = (0, 0, 0),
+    position: Sequence[float] | Float64 = (0, 0, 0),
     turn: Sequence[float] = (0, 0, 0),
     *,
     size: tuple[int, int] = (640, 480),
@@ -51,7 +51,7 @@ def close(found: Sequence[ViewCamera], wanted: Sequence[ViewCamera], tolerance: 
     )
 
 
-def camera_to_world(view: ViewCamera) -> npt.NDArray[np.float64]:
+def camera_to_world(view: ViewCamera) -> Float64:
     return np.linalg.inv(view.world_to_camera)
 
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dfcgs_codec.array_types import Int64, UInt8
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
-from dfcgs_codec.codec.columns.coder import ColumnFacts, Int64, SymbolCoder, UInt8
+from dfcgs_codec.codec.columns.coder import ColumnFacts, SymbolCoder
 from dfcgs_codec.codec.columns.side_information import WEIGHT_FRACTION_BITS
 from dfcgs_codec.entropy.symbols import code_residuals
 from dfcgs_codec.errors import CorruptBitstream

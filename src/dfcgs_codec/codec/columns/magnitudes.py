@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
+from dfcgs_codec.array_types import Int64, UInt8
 
 _LOG_LIMIT = (1 << 24) - 1
 #: what is or is not

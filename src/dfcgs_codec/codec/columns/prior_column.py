@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfcgs_codec.codec.columns.coder import AnyReal, Int64, SymbolCoder
-from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, UInt8, log_of, row_sums
+from dfcgs_codec.array_types import Float32, Int64, UInt8
+from dfcgs_codec.codec.columns.coder import AnyReal, SymbolCoder
+from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, log_of, row_sums
 from dfcgs_codec.codec.columns.side_information import WEIGHT_FRACTION_BITS
-from dfcgs_codec.model.context_model import NUM_COLUMN_INPUTS, Float32, Part
+from dfcgs_codec.model.context_model import NUM_COLUMN_INPUTS, Part
 from dfcgs_codec.transform.lod import Level, LevelsOfDetail
 
 #: of predictions and of the statistics of neighbours

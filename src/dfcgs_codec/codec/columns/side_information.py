@@ -6,8 +6,8 @@ In every function the array or record to write is given, or None when reading; i
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.entropy.coder import Model, RangeCoder, categorical
 from dfcgs_codec.entropy.symbols import code_count, code_residuals
 from dfcgs_codec.entropy.tables import (
@@ -18,8 +18,6 @@ from dfcgs_codec.entropy.tables import (
     frequencies_from_weights,
 )
 from dfcgs_codec.errors import CorruptBitstream
-
-Int64 = npt.NDArray[np.int64]
 
 WEIGHT_FRACTION_BITS = 8
 _MAX_WEIGHT = 1 << 12

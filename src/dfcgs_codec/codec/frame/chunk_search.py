@@ -5,26 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from dfcgs_codec.bitstream.constants import ChunkType
+from dfcgs_codec.bitstream.constants import FRAME_CHUNKS, ChunkType
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
-from dfcgs_codec.bitstream.frame_headers import IntraHeader
+from dfcgs_codec.bitstream.frame_headers import IntraHeader, read_lengths
+from dfcgs_codec.codec.frame.headers import HEADER_BYTES
 from dfcgs_codec.errors import BitstreamError, CorruptBitstream
 
-#: longer than the header of any I-frame
-_HEADER_BYTES = 512
 #: bytes of a file that are searched at once
 _BLOCK_BYTES = 1 << 20
 #: a search gives up after so many times the bytes of the file were summed up
 _MOST_SUMMED = 16
-_FRAME_TYPES = (
-    ChunkType.INTRA_FRAME,
-    ChunkType.INTER_FRAME,
-    ChunkType.HYPERPRIOR,
-    ChunkType.MOTION,
-    ChunkType.TOPOLOGY,
-    ChunkType.RESIDUAL,
-    ChunkType.ESCAPES,
-)
 
 
 @dataclass
@@ -54,7 +44,7 @@ class ChunkSearch:
         while offset is not None and offset < self._container.size:
             head, error = self._whole(offset)
             if head is None or error is not None:
-                if gof is not None and (head is None or head.chunk_type in _FRAME_TYPES):
+                if gof is not None and (head is None or head.chunk_type in FRAME_CHUNKS):
                     gof.error = gof.error or error
                 self.error = self.error or error
                 offset = self._behind(offset, head)
@@ -64,7 +54,7 @@ class ChunkSearch:
                 if gof is not None:
                     yield gof
                 gof = FoundGof()
-            if gof is not None and gof.error is None and head.chunk_type in _FRAME_TYPES:
+            if gof is not None and gof.error is None and head.chunk_type in FRAME_CHUNKS:
                 gof.chunks.append(head)
             if head.chunk_type == ChunkType.END:
                 break
@@ -92,7 +82,6 @@ class ChunkSearch:
         return self._search(offset + 1)
 
     def _search(self, start: int) -> int | None:
-        """The first whole INTRA_FRAME chunk from byte `start` on."""
         for offset in self._container.occurrences(ChunkType.INTRA_FRAME, start, _BLOCK_BYTES):
             head = self._plausible(offset)
             if head is None:
@@ -114,9 +103,10 @@ class ChunkSearch:
             head = container.head(offset)
             if head.frame_index >= container.sequence.num_frames:
                 return None
-            reader = container.peek(head, _HEADER_BYTES)
+            reader = container.peek(head, HEADER_BYTES)
             header = IntraHeader.read(reader, container.sequence)
+            lengths = read_lengths(reader, header.streams(container.sequence.sh_degree))
         except BitstreamError:
             return None
         rest = head.payload_length - (reader.offset - head.payload_offset)
-        return head if sum(header.lengths) == rest else None
+        return head if sum(lengths.values()) == rest else None

@@ -1,23 +1,23 @@
-"""Decoding the frames of a file with the C core: the same steps as `gof_decoder`, chunk by chunk."""
+"""Decoding the frames of a file with the C core, chunk by chunk."""
 
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable
+from collections.abc import Iterator
 
 import numpy as np
 
+from dfcgs_codec.array_types import Floats
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute, ChunkType, Precision
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.frame_headers import coded_attributes
 from dfcgs_codec.bitstream.io import ByteReader
-from dfcgs_codec.codec.frame.gof_decoder import disagreement, missing_part
+from dfcgs_codec.codec.frame.chunk_reader import missing_part
 from dfcgs_codec.codec.frame.limits import DecoderLimits, too_large, too_many, unpaid_memory, unpaid_work
 from dfcgs_codec.codec.intra.verbatim import cloud_of_columns
 from dfcgs_codec.codec.state.planes import FrameState, Plane, output
 from dfcgs_codec.core.module import Instance, Record
-from dfcgs_codec.core.weights import words_of
 from dfcgs_codec.errors import (
     BitstreamError,
     CorruptBitstream,
@@ -27,9 +27,11 @@ from dfcgs_codec.errors import (
     ResourceLimit,
     TruncatedBitstream,
     UnsupportedBitstream,
+    VerificationError,
 )
-from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, Floats, GaussianCloud
+from dfcgs_codec.gaussians import SH_REST_COEFFICIENTS, GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
+from dfcgs_codec.model.core_words import words_of
 
 #: dfcgs_status of core/core.h
 _ERRORS: dict[int, type[BitstreamError]] = {
@@ -53,6 +55,14 @@ _ARRAYS = {
     "sh_rest": 1 << Attribute.SH_1 | 1 << Attribute.SH_2 | 1 << Attribute.SH_3,
 }
 _UNLIMITED = (1 << 63) - 1
+
+
+def disagreement(head: ChunkHead) -> VerificationError:
+    """The error of a frame whose hash is not that of the file."""
+    return VerificationError(
+        f"frame {head.frame_index} decodes to other values than its encoder had: please report this file",
+        offset=head.offset,
+    )
 
 
 class CoreFrame:
@@ -105,7 +115,11 @@ class CoreDecoder:
         memory = min(limits.max_memory, _UNLIMITED)
         self._called("core_begin", address, len(header), offset, memory, most, int(check))
         self._last: weakref.ref[CoreFrame] | None = None
-        self.forget()
+        self._planes: dict[Attribute, Plane] = {}
+        self._order: Plane | None = None
+        self._arrays: dict[str, Floats] = {}
+        #: planes that changed since they were copied, and since their floats were
+        self._stale = self._stale_floats = -1
 
     @staticmethod
     def of(
@@ -118,30 +132,15 @@ class CoreDecoder:
         except ModelMismatch:
             return None
 
-    def forget(self) -> None:
-        """What follows begins with an I-frame."""
+    def frame(self, head: ChunkHead, behind: Iterator[ChunkHead]) -> CoreFrame:
+        """Decode the frame that begins with `head`; its other chunks are the next ones of `behind`."""
         self._leave()
-        self._core.call("core_forget")
-        self._planes: dict[Attribute, Plane] = {}
-        self._order: Plane | None = None
-        self._arrays: dict[str, Floats] = {}
-        #: planes that changed since they were copied, and since their floats were
-        self._stale = self._stale_floats = -1
-
-    def intra(self, head: ChunkHead, next_chunk: Callable[[], ChunkHead]) -> CoreFrame:
-        """See GofDecoder."""
-        return self._frame(head, next_chunk)
-
-    def inter(self, head: ChunkHead, next_chunk: Callable[[], ChunkHead]) -> CoreFrame:
-        """See GofDecoder."""
-        return self._frame(head, next_chunk)
-
-    def _frame(self, head: ChunkHead, next_chunk: Callable[[], ChunkHead]) -> CoreFrame:
-        self._leave()
+        if head.chunk_type == ChunkType.INTRA_FRAME:
+            self._stale = self._stale_floats = -1
         self._put(head, head)
         while self._record.expects:
-            kind, chunk = ChunkType(self._record.expects), next_chunk()
-            if chunk.chunk_type != kind or chunk.frame_index != head.frame_index:
+            kind, chunk = ChunkType(self._record.expects), next(behind, None)
+            if chunk is None or chunk.chunk_type != kind or chunk.frame_index != head.frame_index:
                 raise missing_part(kind, chunk)
             self._put(chunk, head)
         self._stale |= self._record.touched

@@ -9,13 +9,16 @@ from functools import cached_property
 from typing import BinaryIO
 
 from dfcgs_codec.bitstream.comments import PlyComments
-from dfcgs_codec.bitstream.constants import ChunkType, Profile
+from dfcgs_codec.bitstream.constants import FRAME_CHUNKS, ChunkType, Profile
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
 from dfcgs_codec.bitstream.frame_headers import coded_attributes
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
-from dfcgs_codec.codec.frame.core_decoder import CoreDecoder, CoreFrame
-from dfcgs_codec.codec.frame.gof_decoder import GofDecoder
+from dfcgs_codec.codec.frame.chunk_reader import FrameReader
+from dfcgs_codec.codec.frame.core_decoder import CoreDecoder, CoreFrame, disagreement
+from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.frame.limits import Budget, DecoderLimits
+from dfcgs_codec.codec.frame.walk import code_escapes, code_inter_frame, code_intra_frame
+from dfcgs_codec.codec.paper.walk import code_latent_frame
 from dfcgs_codec.codec.state.planes import FrameState, output
 from dfcgs_codec.core.engine import CORE, NUMPY, wants_core
 from dfcgs_codec.errors import BitstreamError, CorruptBitstream, ModelMismatch
@@ -23,16 +26,6 @@ from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.latent_model import LatentModel
 from dfcgs_codec.model.registry import model_of_stream
-
-#: chunks that stand behind others that announce them
-_PARTS = (
-    ChunkType.SEQUENCE_HEADER,
-    ChunkType.HYPERPRIOR,
-    ChunkType.TOPOLOGY,
-    ChunkType.MOTION,
-    ChunkType.RESIDUAL,
-    ChunkType.ESCAPES,
-)
 
 
 def _model_of(sequence: SequenceHeader) -> LatentModel | ContextModel:
@@ -136,33 +129,45 @@ class SequenceDecoder:
 
     def gof_frames(self, chunks: Iterator[ChunkHead]) -> Iterator[DecodedFrame]:
         """The frames whose chunks are given, beginning with an I-frame."""
-        gof: GofDecoder | CoreDecoder
-        if self._core is None:
-            gof = GofDecoder(self.container, self._check, self._model, self._budget)
-        else:
-            gof = self._core
-            gof.forget()
+        state: GofState | CoreFrame | None = None
         for head in chunks:
-            if head.chunk_type in (ChunkType.INTRA_FRAME, ChunkType.INTER_FRAME):
-                if head.frame_index >= self.sequence.num_frames:
-                    raise CorruptBitstream("more frames than the header says", offset=head.offset)
-                is_intra = head.chunk_type == ChunkType.INTRA_FRAME
-                decode = gof.intra if is_intra else gof.inter
-                decoded = decode(head, lambda: _next(chunks))
-                number = self._numbers[head.frame_index]
-                yield DecodedFrame(head.frame_index, number, decoded, self.sequence, self.comments)
-            else:
+            if head.chunk_type not in (ChunkType.INTRA_FRAME, ChunkType.INTER_FRAME):
                 self._side_chunk(head)
+                continue
+            index = head.frame_index
+            if index >= self.sequence.num_frames:
+                raise CorruptBitstream("more frames than the header says", offset=head.offset)
+            if head.chunk_type == ChunkType.INTRA_FRAME:
+                # what the GoF before it left behind is not needed any more
+                state = None
+            elif state is None:
+                raise CorruptBitstream("a P-frame without an I-frame before it", offset=head.offset)
+            decoded: FrameState | CoreFrame
+            if self._core is not None:
+                state = decoded = self._core.frame(head, chunks)
+            else:
+                assert not isinstance(state, CoreFrame)
+                state = self._decoded(head, chunks, state)
+                decoded = state.frame
+            yield DecodedFrame(index, self._numbers[index], decoded, self.sequence, self.comments)
+
+    def _decoded(self, head: ChunkHead, chunks: Iterator[ChunkHead], before: GofState | None) -> GofState:
+        """After the frame that begins with `head`: an I-frame, or a P-frame that follows `before`."""
+        model = self._model if isinstance(self._model, ContextModel) else None
+        frame = FrameReader(self.container, head, chunks, model, self._budget)
+        if before is None:
+            state = code_intra_frame(frame, None)
+        elif isinstance(self._model, LatentModel):
+            state = code_latent_frame(frame, before, self._model)
+        else:
+            state, _ = code_inter_frame(frame, None, before)
+        if frame.header.has_escapes:
+            state = code_escapes(frame, None, state)
+        if self._check and state.frame.hash() != frame.header.frame_hash:
+            raise disagreement(head)
+        return state
 
     def _side_chunk(self, head: ChunkHead) -> None:
-        """Check chunks without a frame."""
-        if head.chunk_type in _PARTS:
+        if head.chunk_type in FRAME_CHUNKS or head.chunk_type == ChunkType.SEQUENCE_HEADER:
             raise CorruptBitstream("a chunk stands where it may not", offset=head.offset)
         self.container.payload(head)
-
-
-def _next(chunks: Iterator[ChunkHead]) -> ChunkHead:
-    head = next(chunks, None)
-    if head is None:
-        raise CorruptBitstream("the last frame lacks its other chunks")
-    return head

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader, IntraSteps
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.frame.topology import insertion
 from dfcgs_codec.codec.motion.compensation import Carried, ControlSource, GofMotion
 from dfcgs_codec.codec.motion.walk import MotionSymbols
 from dfcgs_codec.codec.residual.classes import InterSymbols
@@ -21,17 +20,6 @@ from dfcgs_codec.codec.state.visibility import Visibility
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.lod import GofLevels
 from dfcgs_codec.transform.rotation import round_divide
-
-Int64 = npt.NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class GofSetup:
-    """What an I-frame's state does not say of its GoF: control points, units of grids, the frozen prior."""
-
-    control: ControlHeader
-    units: UnitExponents
-    model: ContextModel | None = None
 
 
 @dataclass(frozen=True)
@@ -51,17 +39,23 @@ class GofState:
     model: ContextModel | None = None
 
     @staticmethod
-    def of_intra(frame: FrameState, setup: GofSetup, steps: IntraSteps | None) -> GofState:
-        """After the GoF's I-frame; `steps`: None where it has none."""
-        source = ControlSource(frame.planes[Attribute.POSITION], setup.control)
+    def of_intra(
+        frame: FrameState,
+        control: ControlHeader,
+        steps: IntraSteps | None,
+        units: UnitExponents,
+        model: ContextModel | None,
+    ) -> GofState:
+        """After the GoF's I-frame; `steps`: None where it has none; `model`: the frozen prior."""
+        source = ControlSource(frame.planes[Attribute.POSITION], control)
         step = 1 if steps is None else steps.steps[Attribute.POSITION]
         levels = GofLevels(round_divide(frame.planes[Attribute.POSITION].wide(), step))
-        visibility = Visibility(frame, setup.units)
-        return GofState(frame, levels, source, step, visibility, model=setup.model)
+        visibility = Visibility(frame, units)
+        return GofState(frame, levels, source, step, visibility, model=model)
 
     def motion(self) -> GofMotion:
         """The motion of the GoF so far."""
-        return self.moved or self.control.motion()
+        return self.moved or self.control.motion
 
     def prior(self, levels: dict[Attribute, int], moved: MotionSymbols | None) -> Prior:
         """What the frozen prior is told of the next residual: `levels` of visibility steps, who moved."""
@@ -117,12 +111,25 @@ class GofState:
             moved=motion.with_births(cells, source),
         )
 
-    def expected_places(self) -> Int64:
-        """Place in the output of each Gaussian, as they come."""
+    def expected_places(self, source: Int64 | None = None) -> Int64:
+        """Place in the output of each Gaussian, as they come; births of `source` stand behind all others."""
+        count = self.frame.num_gaussians if source is None else len(source)
         if self.frame.order is None:
-            return np.arange(self.frame.num_gaussians)
-        return self.frame.order.values[:, 0].astype(np.int64)
+            return np.arange(count)
+        places = self.frame.order.values[:, 0].astype(np.int64)
+        if source is None:
+            return places
+        return np.concatenate([places, np.arange(len(places), count)])[source]
 
     def in_places(self, places: Int64) -> GofState:
         """With another order of the output."""
         return replace(self, frame=replace(self.frame, order=Plane(places[:, None]), verbatim=None))
+
+
+def insertion(keys: Int64, births: Int64) -> Int64:
+    """Which row of survivors and births stands where: by key, survivors' keys never falling.
+
+    `keys` of survivors (S,), of `births` (B,); returns rows (S + B,) of the former followed by the latter.
+    """
+    rising = np.maximum.accumulate(keys)
+    return np.argsort(np.concatenate([rising, births]), kind="stable").astype(np.int64)

@@ -11,8 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_COLUMNS, Attribute, Tool
-from dfcgs_codec.bitstream.frame_headers import ControlHeader, InterHeader
-from dfcgs_codec.bitstream.motion_header import SpreadHeader
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, InterHeader, IntraHeader
+from dfcgs_codec.bitstream.motion_header import LatentHeader
+from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.errors import ResourceLimit
 
 #: what a process takes before its first Gaussian: interpreter, libraries, models
@@ -82,82 +83,85 @@ def inter_work(num_gaussians: int, coded: int, tools: frozenset[Tool]) -> int:
     return fixed + num_gaussians * each
 
 
-def symbol_work(num_symbols: int) -> int:
-    """Of symbols of a P-frame."""
-    return 250 * num_symbols
-
-
-def control_work(num_gaussians: int, control: ControlHeader) -> int:
+def control_work(num_gaussians: int, num_points: int) -> int:
     """Of choosing control points and finding whom each Gaussian follows, once a GoF."""
-    points = min(max(1, num_gaussians // control.spacing), MAX_CONTROL_POINTS)
-    return 3000 * num_gaussians + 10 * points * num_gaussians
+    return 3000 * num_gaussians + 10 * num_points * num_gaussians
 
 
 class Budget:
-    """What a file has asked for so far, held against `limits`."""
+    """What a file has asked for so far, held against `limits`; ResourceLimit where that is too much."""
 
     def __init__(self, limits: DecoderLimits, attributes: list[Attribute]) -> None:
         self._limits = limits
         self._columns = sum(STATE_COLUMNS[a] for a in attributes)
         self._bytes = self._work = 0
+        self._frame = self._num_gaussians = 0
         self._control: ControlHeader | None = None
+        self._points_are_chosen = False
 
     def read(self, num_bytes: int) -> None:
         """Bytes of a chunk that was read."""
         self._bytes += num_bytes
 
-    def intra(self, frame: int, num_gaussians: int, control: ControlHeader) -> None:
-        """Charge an I-frame; ResourceLimit where it asks for too much."""
-        self._control = control
-        self._frame(frame, num_gaussians, intra_memory(num_gaussians, self._columns))
-        work = intra_work(num_gaussians, self._columns) + output_work(num_gaussians, self._columns)
-        self._spend(frame, num_gaussians, work)
+    def chunk(self, frame: int, header: object) -> None:
+        """Charge what the header of a chunk of a frame announces; symbols are charged when they were read."""
+        self._frame = frame
+        if isinstance(header, IntraHeader):
+            self._intra(header)
+        elif isinstance(header, InterHeader):
+            self._inter(header)
+        elif isinstance(header, TopologyHeader):
+            self._topology(header)
+        elif isinstance(header, LatentHeader):
+            shares = header.num_coded * min(header.spread.num_neighbours, self._num_gaussians)
+            self._spend(150 * shares)
 
-    def inter(self, frame: int, num_gaussians: int, header: InterHeader) -> None:
-        """Charge a P-frame, its births left out."""
-        coded = sum(STATE_COLUMNS[a] for a in header.steps)
-        work = output_work(num_gaussians, self._columns)
-        work += inter_work(num_gaussians, coded, header.tools)
-        if header.tools - {Tool.VISIBILITY} and self._control is not None:
-            work += control_work(num_gaussians, self._control)
-            self._control = None
+    def symbols(self, num_symbols: int) -> None:
+        """Charge what was read from a stream of motion or residual."""
+        self._spend(250 * num_symbols)
+
+    def _intra(self, header: IntraHeader) -> None:
+        self._num_gaussians, self._control = header.num_gaussians, header.control
+        self._points_are_chosen = False
+        self._take(intra_memory(self._num_gaussians, self._columns))
+        self._spend(
+            intra_work(self._num_gaussians, self._columns) + output_work(self._num_gaussians, self._columns)
+        )
+
+    def _inter(self, header: InterHeader) -> None:
+        count, coded = self._num_gaussians, sum(STATE_COLUMNS[a] for a in header.steps)
+        work = output_work(count, self._columns) + inter_work(count, coded, header.tools)
+        if self._control is not None:
+            points = min(max(1, count // self._control.spacing), MAX_CONTROL_POINTS)
+            if header.tools - {Tool.VISIBILITY} and not self._points_are_chosen:
+                work += control_work(count, points)
+                self._points_are_chosen = True
+            if Tool.LATENT in header.tools:
+                work += 50_000 * points
         if header.tools or header.steps:
-            memory = inter_memory(num_gaussians, self._columns, coded)
-            self._frame(frame, num_gaussians, memory)
-        self._spend(frame, num_gaussians, work)
+            self._take(inter_memory(count, self._columns, coded))
+        self._spend(work)
 
-    def births(self, frame: int, num_births: int, num_gaussians: int) -> None:
-        """Charge births; `num_gaussians`: with them."""
-        memory = intra_memory(num_births, self._columns)
-        memory += inter_memory(num_gaussians, self._columns, self._columns)
-        self._frame(frame, num_gaussians, memory)
-        self._spend(frame, num_gaussians, intra_work(num_births, self._columns))
+    def _topology(self, header: TopologyHeader) -> None:
+        self._num_gaussians += header.num_births - header.num_removals
+        if header.num_births:
+            memory = intra_memory(header.num_births, self._columns)
+            self._take(memory + inter_memory(self._num_gaussians, self._columns, self._columns))
+            self._spend(intra_work(header.num_births, self._columns))
 
-    def symbols(self, frame: int, num_gaussians: int, num_symbols: int) -> None:
-        """Charge what was read from a stream of a P-frame."""
-        self._spend(frame, num_gaussians, symbol_work(num_symbols))
-
-    def spread(self, frame: int, num_gaussians: int, num_shares: int) -> None:
-        """Charge motion that control points spread, so many shares in all."""
-        self._spend(frame, num_gaussians, 150 * num_shares)
-
-    def latents(self, frame: int, num_gaussians: int, num_points: int) -> None:
-        """Charge control points whose motion a network decodes."""
-        self._spend(frame, num_gaussians, 50_000 * num_points)
-
-    def _frame(self, frame: int, num_gaussians: int, memory: int) -> None:
-        limits, memory = self._limits, memory + _PROCESS
-        if limits.max_gaussians is not None and num_gaussians > limits.max_gaussians:
-            raise too_many(limits, frame, num_gaussians)
+    def _take(self, memory: int) -> None:
+        limits, count, memory = self._limits, self._num_gaussians, memory + _PROCESS
+        if limits.max_gaussians is not None and count > limits.max_gaussians:
+            raise too_many(limits, self._frame, count)
         if memory > limits.max_memory:
-            raise too_large(limits, frame, num_gaussians, memory)
+            raise too_large(limits, self._frame, count, memory)
         if limits.max_gaussians is None and memory > _FREE_MEMORY + _MEMORY_PER_BYTE * self._bytes:
-            raise unpaid_memory(frame, num_gaussians, self._bytes)
+            raise unpaid_memory(self._frame, count, self._bytes)
 
-    def _spend(self, frame: int, num_gaussians: int, work: int) -> None:
+    def _spend(self, work: int) -> None:
         self._work += work
         if self._limits.max_gaussians is None and self._work > _FREE_WORK + _WORK_PER_BYTE * self._bytes:
-            raise unpaid_work(frame, num_gaussians, self._bytes)
+            raise unpaid_work(self._frame, self._num_gaussians, self._bytes)
 
 
 def too_many(limits: DecoderLimits, frame: int, num_gaussians: int) -> ResourceLimit:
@@ -187,32 +191,6 @@ def unpaid_work(frame: int, num_gaussians: int, num_bytes: int) -> ResourceLimit
 
 def _asked(frame: int, num_gaussians: int) -> str:
     return f"frame {frame} has {num_gaussians} Gaussians"
-
-
-@dataclass(frozen=True)
-class FrameCharge:
-    """What a frame is charged with while its chunks are read."""
-
-    budget: Budget
-    frame: int
-    num_gaussians: int
-
-    def births(self, num_births: int, num_gaussians: int) -> None:
-        """See Budget."""
-        self.budget.births(self.frame, num_births, num_gaussians)
-
-    def symbols(self, num_symbols: int) -> None:
-        """See Budget."""
-        self.budget.symbols(self.frame, self.num_gaussians, num_symbols)
-
-    def spread(self, num_points: int, spread: SpreadHeader) -> None:
-        """See Budget."""
-        shares = num_points * min(spread.num_neighbours, self.num_gaussians)
-        self.budget.spread(self.frame, self.num_gaussians, shares)
-
-    def latents(self, num_points: int) -> None:
-        """See Budget."""
-        self.budget.latents(self.frame, self.num_gaussians, num_points)
 
 
 _BOMB = "made to exhaust a decoder, or nothing but repetition"

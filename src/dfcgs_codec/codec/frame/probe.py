@@ -10,28 +10,18 @@ from dfcgs_codec.arguments import AnyPath, path_of
 from dfcgs_codec.bitstream.comments import PlyComments
 from dfcgs_codec.bitstream.constants import (
     BITSTREAM_VERSION,
+    FRAME_CHUNKS,
     STATE_COLUMNS,
-    Attribute,
     ChunkType,
-    IntraKind,
 )
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
-from dfcgs_codec.bitstream.frame_headers import (
-    InterHeader,
-    IntraHeader,
-    coded_attributes,
-    intra_streams,
-)
-from dfcgs_codec.bitstream.io import ByteReader
+from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, coded_attributes
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
-from dfcgs_codec.bitstream.topology_header import TopologyHeader
+from dfcgs_codec.codec.frame.headers import HEADER_BYTES, listed_chunks
 from dfcgs_codec.errors import CorruptBitstream
 
-#: longer than any frame header
-_HEADER_BYTES = 512
 #: values of a PLY vertex that are not in the state: the normals
 _NORMALS = 3
-_PERMUTATION = "OUTPUT_ORDER"
 
 
 @dataclass
@@ -106,70 +96,33 @@ class SequenceInfo:
         }
 
 
-def _stream_names(header: IntraHeader, sh_degree: int) -> list[str]:
-    """What is in the streams of an I-frame, in their order."""
-    if not header.num_gaussians:
-        return []
-    names = [a.name for a in coded_attributes(sh_degree)]
-    if header.kind == IntraKind.CODED:
-        names = intra_streams(sh_degree)
-    if header.has_permutation:
-        names.insert(1, _PERMUTATION)
-    return names
-
-
-def _intra(reader: ByteReader, head: ChunkHead, info: SequenceInfo, number: int) -> FrameInfo:
-    header = IntraHeader.read(reader, info.header)
-    names = _stream_names(header, info.header.sh_degree)
-    size = head.end - head.offset
-    lengths = dict(zip(names, header.lengths, strict=True))
-    return FrameInfo(head.frame_index, number, "I", header.num_gaussians, size, lengths)
-
-
-def _inter(
-    reader: ByteReader, head: ChunkHead, info: SequenceInfo, number: int
-) -> tuple[FrameInfo, list[Attribute]]:
-    header = InterHeader.read(reader, info.header)
-    kind = "P" if header.steps or header.tools else "skip"
-    count = info.frames[-1].num_gaussians if info.frames else 0
-    return FrameInfo(head.frame_index, number, kind, count, head.end - head.offset), sorted(header.steps)
-
-
-def _topology(reader: ByteReader, head: ChunkHead, info: SequenceInfo) -> None:
-    """Births are counted; how many went is known to a decoder only."""
-    header = TopologyHeader.read(reader, info.header)
-    frame, size = info.frames[-1], head.end - head.offset
-    frame.num_bytes += size
-    frame.attribute_bytes[ChunkType.TOPOLOGY.name] = size
-    frame.num_gaussians += header.num_births - header.num_removals
-
-
 def _collect(container: ContainerReader, info: SequenceInfo) -> None:
+    _count(container.sequence_head, info)
     numbers = info.header.frame_numbers.expand()
-    attributes: list[Attribute] = []
-    for head in (container.sequence_head, *container.chunks()):
-        kind, size = ChunkType(head.chunk_type), head.end - head.offset
-        info.chunk_bytes[kind.name] += size
-        info.chunks.append((kind.name, head.frame_index, head.offset, size))
-        reader = container.peek(head, _HEADER_BYTES)
-        number = numbers[min(head.frame_index, len(numbers) - 1)]
+    for head, header, lengths, num_gaussians in listed_chunks(container):
+        kind, size = _count(head, info)
         if kind == ChunkType.ENCODER_INFO:
-            info.encoder_info = container.peek(head, _HEADER_BYTES).text()
-        elif kind == ChunkType.INTRA_FRAME:
-            info.frames.append(_intra(reader, head, info, number))
-        elif kind == ChunkType.INTER_FRAME:
-            frame, attributes = _inter(reader, head, info, number)
-            info.frames.append(frame)
-        elif kind == ChunkType.TOPOLOGY and info.frames:
-            _topology(reader, head, info)
-        elif kind in (ChunkType.HYPERPRIOR, ChunkType.MOTION, ChunkType.ESCAPES) and info.frames:
-            info.frames[-1].num_bytes += size
-            info.frames[-1].attribute_bytes[kind.name] = size
+            info.encoder_info = container.peek(head, HEADER_BYTES).text()
         elif kind == ChunkType.PLY_COMMENTS:
             info.comments += PlyComments.read(container.payload(head)).lines
-        elif kind == ChunkType.RESIDUAL and info.frames:
-            info.frames[-1].num_bytes += size
-            info.frames[-1].attribute_bytes |= {a.name: reader.uvarint() for a in attributes}
+        if isinstance(header, IntraHeader | InterHeader):
+            number = numbers[min(head.frame_index, len(numbers) - 1)]
+            changes = not isinstance(header, InterHeader) or header.changes
+            name = "skip" if not changes else "I" if isinstance(header, IntraHeader) else "P"
+            info.frames.append(FrameInfo(head.frame_index, number, name, num_gaussians, 0))
+        if kind in FRAME_CHUNKS and info.frames:
+            frame = info.frames[-1]
+            frame.num_bytes += size
+            frame.num_gaussians = num_gaussians
+            by_streams = kind in (ChunkType.INTRA_FRAME, ChunkType.INTER_FRAME, ChunkType.RESIDUAL)
+            frame.attribute_bytes |= lengths if by_streams else {kind.name: size}
+
+
+def _count(head: ChunkHead, info: SequenceInfo) -> tuple[ChunkType, int]:
+    kind, size = ChunkType(head.chunk_type), head.end - head.offset
+    info.chunk_bytes[kind.name] += size
+    info.chunks.append((kind.name, head.frame_index, head.offset, size))
+    return kind, size
 
 
 def probe(path: AnyPath) -> SequenceInfo:

@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.codec.residual.classes import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.state.planes import FrameState, Plane, scaled
 from dfcgs_codec.codec.state.visibility import MULTIPLIER_BITS
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.rotation import from_stereo, multiply, normalise
-
-Int64 = npt.NDArray[np.int64]
 
 
 def _in_range(values: Int64) -> Plane:

@@ -1,35 +1,55 @@
-"""The symbol walk of a frame's topology: who goes, who comes, in which order (spec section 15)."""
+"""The topology of a frame: who goes, who comes, in which order (spec section 15)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
-from dfcgs_codec.bitstream.sequence_header import UnitExponents
+from dfcgs_codec.array_types import Int64
+from dfcgs_codec.bitstream.constants import ChunkType
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
+from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.codec.columns.column import code_permutation
+from dfcgs_codec.codec.frame.chunks import FrameCoder
+from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.intra.walk import IntraGoal, IntraShape, code_intra
 from dfcgs_codec.codec.state.planes import FrameState
 from dfcgs_codec.entropy.symbols import Groups, code_with_models
 from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.lod import order_levels
 
-Bool = npt.NDArray[np.bool_]
+
+@dataclass(frozen=True)
+class TopologyGoal:
+    """What an encoder wants of a TOPOLOGY chunk.
+
+    `header` without places; `kept` int64: rows of the reference frame that survive, ascending; `births`: like
+    an I-frame. `inputs` int64: where survivors, then births, are to stand in the output; None: as they come.
+    """
+
+    header: TopologyHeader
+    kept: Int64
+    births: IntraGoal | None = None
+    inputs: Int64 | None = None
 
 
 @dataclass(frozen=True)
-class TopologySymbols:
-    """What a TOPOLOGY chunk carries before the permutation, which `code_places` codes.
-
-    `kept` int64: rows of the reference frame that survive, ascending; `births`: like an I-frame, or None.
-    """
+class Topology:
+    """Rows that are `kept`, `births`, their rows among survivors (see FrameState.merge), output order."""
 
     kept: Int64
-    births: IntraGoal | None
+    births: FrameState | None
+    source: Int64 | None
+    places: Int64 | None
+
+    def complete(self, survivors: GofState) -> GofState:
+        """The survivors after their frame, with births, all in their places."""
+        state = survivors
+        if self.births is not None and self.source is not None:
+            state = state.with_births(self.births, self.source)
+        return state if self.places is None else state.in_places(self.places)
 
 
 def _code_removals(coder: SymbolCoder, kept: Int64 | None, num_gaussians: int, num_removals: int) -> Int64:
@@ -48,32 +68,28 @@ def _code_removals(coder: SymbolCoder, kept: Int64 | None, num_gaussians: int, n
 
 
 def code_topology(
-    next_coder: Callable[[], SymbolCoder],
-    symbols: TopologySymbols | None,
-    header: TopologyHeader,
-    before: tuple[int, UnitExponents],
-) -> tuple[Int64, FrameState | None]:
-    """Removals, then births; `before`: Gaussians of the reference frame, units; who survives, who is born."""
-    num_gaussians, units = before
-    kept = np.arange(num_gaussians)
+    frame: FrameCoder, goal: TopologyGoal | None, before: GofState
+) -> tuple[Topology, GofState]:
+    """The TOPOLOGY chunk; what it says, and the survivors of `before`."""
+    count = before.frame.num_gaussians
+    read = partial(TopologyHeader.read, num_gaussians=count)
+    chunk = frame.chunk(ChunkType.TOPOLOGY, read, None if goal is None else goal.header)
+    header, kept = chunk.header, np.arange(count)
     if header.num_removals:
-        known = None if symbols is None else symbols.kept
-        kept = _code_removals(next_coder(), known, num_gaussians, header.num_removals)
-    if header.sort_grid is None or header.steps is None:
-        return kept, None
-    shape = IntraShape(header.num_births, False, header.sort_grid, header.steps, units)
-    return kept, code_intra(next_coder, None if symbols is None else symbols.births, shape)
-
-
-def code_places(coder: SymbolCoder, places: Int64 | None, expected: Int64) -> Int64:
-    """Place in the output of each Gaussian, as difference from the `expected` ones; both (N,)."""
-    return code_permutation(coder, places, order_levels(len(expected)), expected)
-
-
-def insertion(keys: Int64, births: Int64) -> Int64:
-    """Which row of survivors and births stands where: by key, survivors' keys never falling.
-
-    `keys` of survivors (S,), of `births` (B,); returns rows (S + B,) of the former followed by the latter.
-    """
-    rising = np.maximum.accumulate(keys)
-    return np.argsort(np.concatenate([rising, births]), kind="stable").astype(np.int64)
+        known = None if goal is None else goal.kept
+        kept = _code_removals(chunk.next(), known, count, header.num_removals)
+    survivors = before.survivors(kept)
+    births, source, places = None, None, None
+    if header.sort_grid is not None and header.steps is not None:
+        units = frame.sequence.unit_exponents
+        shape = IntraShape(header.num_births, False, header.sort_grid, header.steps, units)
+        births = code_intra(chunk.next, None if goal is None else goal.births, shape)
+        source = survivors.places_of_births(births)
+    expected = survivors.expected_places(source)
+    if goal is not None and goal.inputs is not None:
+        places = goal.inputs if source is None else goal.inputs[source]
+        chunk.header = header = replace(header, has_permutation=not np.array_equal(places, expected))
+    if header.has_permutation:
+        places = code_permutation(chunk.next(), places, order_levels(len(expected)), expected)
+    chunk.close()
+    return Topology(kept, births, source, places if header.has_permutation else None), survivors

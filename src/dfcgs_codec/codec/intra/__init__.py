@@ -1,1 +1,1 @@
-"""I-frames, and births in P-frames (spec sections 11 and 13)."""
+"""I-frames, and births in P-frames (spec section 11, spec annex A)."""

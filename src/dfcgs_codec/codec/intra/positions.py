@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64
 from dfcgs_codec.bitstream.frame_headers import SortGrid
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
+from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.entropy.coder import split_model
 from dfcgs_codec.entropy.symbols import (
     Groups,
@@ -42,13 +42,12 @@ class _Cells:
 
 
 def _code_small(coder: SymbolCoder, lower: Int64 | None, counts: Int64) -> Int64:
-    """Lower counts of cells of 2 to 32 Gaussians."""
     classes = np.searchsorted(_BIAS_CLASS_STARTS, counts, side="right") - 1
     biases = [0] * len(_BIAS_CLASS_STARTS)
     for index in np.unique(classes).tolist():
         rows = classes == index
 
-        def evidence(rows: npt.NDArray[np.bool_] = rows) -> tuple[Int64, Int64]:
+        def evidence(rows: Bool = rows) -> tuple[Int64, Int64]:
             assert lower is not None
             return counts[rows], lower[rows]
 
@@ -62,7 +61,6 @@ def _code_small(coder: SymbolCoder, lower: Int64 | None, counts: Int64) -> Int64
 
 
 def _code_large(coder: SymbolCoder, lower: Int64 | None, counts: Int64) -> Int64:
-    """Lower counts of cells of more than 32 Gaussians, as difference from the half."""
     size_class = np.frexp(counts.astype(np.float64))[1]
     tables = Shape.GAUSSIAN * NUM_SCALES + np.clip(
         6 * np.arange(26, dtype=np.int64) - 6 + _LARGE_CELL_SCALE, 0, NUM_SCALES - 1

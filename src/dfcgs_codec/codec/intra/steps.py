@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64, Integers
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
@@ -18,7 +18,6 @@ from dfcgs_codec.codec.state.visibility import (
     roundness_weights,
 )
 
-Int64 = npt.NDArray[np.int64]
 Axes = tuple[Int64, Int64, Int64]
 
 #: turns about the longest axis, and tilts of discs, weigh no more than this
@@ -39,7 +38,7 @@ class IntraWeights:
     axes: Axes | None = None
     alpha: Int64 | None = None
 
-    def with_scales(self, scales: npt.NDArray[np.integer], units: UnitExponents) -> IntraWeights:
+    def with_scales(self, scales: Integers, units: UnitExponents) -> IntraWeights:
         """When log-scales (N, 3) are there."""
         return replace(self, axes=axes_of(scales, units.scale))
 
@@ -69,10 +68,10 @@ class IntraWeights:
         return shown + tilt, shown + spin - SPIN_WEIGHT
 
     @property
-    def is_needle(self) -> npt.NDArray[np.bool_]:
+    def is_needle(self) -> Bool:
         """Whether the pole is axis 0, not axis 2: the one that differs most from the two others."""
         x, y, z = self._axes
-        needles: npt.NDArray[np.bool_] = x - y > y - z
+        needles: Bool = x - y > y - z
         return needles
 
     @property

@@ -1,17 +1,17 @@
-"""The symbol walk of `ply` I-frames: float32 bits, lossless (spec section 13)."""
+"""The symbol walk of `ply` I-frames: float32 bits, lossless (spec annex A)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Floats, Int64, UInt8
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder, UInt8
+from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.codec.columns.column import code_permutation
 from dfcgs_codec.codec.state.planes import SH_BANDS, FrameState, Plane, sh_bands, sh_rest_of_bands
 from dfcgs_codec.entropy.symbols import Groups, code_bits, code_with_models
@@ -20,8 +20,6 @@ from dfcgs_codec.transform.companding import compress
 from dfcgs_codec.transform.lod import order_levels
 from dfcgs_codec.transform.rotation import from_float
 
-Float32 = npt.NDArray[np.float32]
-Floats = npt.NDArray[np.floating]
 _BYTE = 256
 _NUM_CONTEXTS = 8
 
@@ -111,6 +109,13 @@ def code_verbatim(
     return VerbatimSymbols(result, permutation)
 
 
+def state_of_columns(symbols: VerbatimSymbols, units: UnitExponents) -> FrameState:
+    """The state that a `ply` I-frame leaves behind."""
+    state = state_of(cloud_of_columns(symbols.columns), units)
+    permutation = symbols.permutation
+    return replace(state, order=None if permutation is None else Plane(permutation[:, None]))
+
+
 def cloud_of_columns(columns: list[Float32]) -> GaussianCloud:
     """Inverse of `dpb.verbatim_columns`."""
     n = len(columns[0])
@@ -156,7 +161,7 @@ def grid_values(cloud: GaussianCloud, field: str, units: UnitExponents) -> dict[
 
 
 def state_of(cloud: GaussianCloud, units: UnitExponents) -> FrameState:
-    """Integer state of float values: the reference that a `ply` I-frame leaves behind (spec section 13.3)."""
+    """Integer state of float values: the reference that a `ply` I-frame leaves behind (spec annex A.3)."""
     planes: dict[Attribute, Int64] = {}
     for field in ("positions", "scales", "rotations", "opacities", "sh_dc", "sh_rest"):
         planes |= grid_values(cloud, field, units)

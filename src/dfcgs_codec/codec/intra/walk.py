@@ -12,10 +12,11 @@ from typing import Protocol
 
 import numpy as np
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import IntraSteps, SortGrid
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
+from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.codec.columns.column import Column, ColumnGoal, Earlier, code_integers, code_permutation
 from dfcgs_codec.codec.intra.positions import code_positions
 from dfcgs_codec.codec.intra.steps import IntraWeights, column_steps, position_octaves, turn_steps
@@ -40,36 +41,29 @@ class IntraGoal(Protocol):
     @property
     def positions(self) -> Int64:
         """(N, 3), in units of the position step."""
-        ...
 
     @property
     def cover(self) -> Int64:
         """Cover classes (N,)."""
-        ...
 
     @property
     def permutation(self) -> Int64 | None:
         """Places in the output (N,), where there are any."""
-        ...
 
     def column(
         self, attribute: Attribute, column: int, decoded: Mapping[Attribute, Int64], before: list[Int64]
     ) -> ColumnGoal:
         """A column of an attribute; `decoded` planes, and the columns `before` it of its own attribute."""
-        ...
 
     def turns(self, walk: TurnWalk) -> ChooseTurns:
         """How symbols of turns are chosen."""
-        ...
 
     @property
     def keeps_names(self) -> bool:
         """Whether rotations keep their axes, for they are those of frames before."""
-        ...
 
     def beside(self, work: Callable[[], None]) -> Callable[[], None]:
         """Begin with `work`; the result waits for it."""
-        ...
 
 
 @dataclass(frozen=True)

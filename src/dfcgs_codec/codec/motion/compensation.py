@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
-from dfcgs_codec.bitstream.motion_header import MotionHeader, SpreadHeader
+from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.motion.control_points import ControlPrior
-from dfcgs_codec.codec.motion.field import FieldMotion, MotionField, control_points
+from dfcgs_codec.codec.motion.field import FieldMotion, MotionField
 from dfcgs_codec.codec.motion.followers import Binding
 from dfcgs_codec.codec.motion.walk import MotionShape, MotionSymbols
 from dfcgs_codec.codec.residual.classes import nonzero_rows
 from dfcgs_codec.codec.state.planes import FrameState, Plane
+from dfcgs_codec.core import procedures
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.control_points import CELL_LIMIT, control_cells, gather_from
 from dfcgs_codec.transform.morton import morton_keys
-from dfcgs_codec.transform.normalisation import Normalisation
 from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rotation import from_stereo, multiply, normalise
-from dfcgs_codec.transform.spreading import Spreading, spread_from
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -142,46 +139,27 @@ class GofMotion:
         )
 
 
+@dataclass(frozen=True, eq=False)
 class ControlSource:
-    """What a GoF learns from its I-frame: control points, and where the scene is; found when asked for."""
+    """What a GoF's motion begins with: positions of its I-frame, and how control points are chosen there."""
 
-    def __init__(self, positions: Plane, control: ControlHeader) -> None:
-        self._positions, self._control = positions, control
-        self._motion: GofMotion | None = None
-        self._normalisation: Normalisation | None = None
-        self._points: tuple[Int64, Int64] | None = None
-        self._spreading: tuple[SpreadHeader, Spreading] | None = None
+    positions: Plane
+    control: ControlHeader
 
-    def normalisation(self) -> Normalisation:
-        """Where the scene is, by the positions of its I-frame."""
-        if self._normalisation is None:
-            self._normalisation = Normalisation.of(self._positions.wide())
-        return self._normalisation
-
-    def points(self) -> tuple[Int64, Int64]:
-        """Cells (N, 3) of the Gaussians, and which of them are control points (n,)."""
-        if self._points is None:
-            positions = self._positions.wide()
-            cells = control_cells(positions, positions[len(positions) >> 1], self._control.shift)
-            self._points = cells, control_points(cells, self._control)
-        return self._points
-
-    def spreading(self, header: SpreadHeader) -> Spreading:
-        """Over whom control points spread their motion; the last one is kept."""
-        if self._spreading is None or self._spreading[0] != header:
-            found = spread_from(*self.points(), header.num_neighbours, header.decay_exponent)
-            self._spreading = header, found
-        return self._spreading[1]
-
+    @cached_property
     def motion(self) -> GofMotion:
-        """The motion of the GoF before its first frame that moves; `positions` are those of its I-frame."""
-        if self._motion is None:
-            self._motion = GofMotion.of(self._positions.wide(), self._control)
-        return self._motion
+        """The motion of the GoF before its first frame that moves."""
+        return GofMotion.of(self.positions.wide(), self.control)
 
 
 def turned(quaternions: Int64, vectors: Int64) -> Int64:
     """Quaternions (N, 4) turned from the left by `vectors` (N, 3); those of zero vectors keep their bits."""
+    if procedures.is_worth(len(quaternions)):
+        return procedures.turned(quaternions, vectors)
+    return _turned(quaternions, vectors)
+
+
+def _turned(quaternions: Int64, vectors: Int64) -> Int64:
     result = quaternions.copy()
     for part in pieces(len(result)):
         some, by = result[part], vectors[part]

@@ -7,12 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from dfcgs_codec.array_types import Int64, UInt8
 from dfcgs_codec.bitstream.motion_header import MotionHeader
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
-from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, UInt8, log_of, row_sums
+from dfcgs_codec.codec.columns.coder import SymbolCoder
+from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, log_of, row_sums
 from dfcgs_codec.codec.columns.prior_column import LAST_INPUT, Component, others_of
 from dfcgs_codec.codec.motion.field import MotionField, level_starts
-from dfcgs_codec.codec.residual.inputs import EFFORT_SHIFT, SMALL
+from dfcgs_codec.codec.residual.inputs import EFFORT_SHIFT
 from dfcgs_codec.model.context_model import INPUT_LIMIT, NUM_CONTROL_COMMON, ContextModel
 from dfcgs_codec.transform.lod import order_levels
 
@@ -25,7 +26,7 @@ _NUM_TRANSLATIONS = 3
 class ControlPrior:
     """The frozen model, and what is known of n control points.
 
-    `inputs` (n, 6) of the network; `expected` (n, 6): what symbols would be if habits went on, in 16ths.
+    `inputs` (n, 4) of the network; `expected` (n, 6): what symbols would be if habits went on, in 16ths.
     """
 
     model: ContextModel
@@ -65,18 +66,15 @@ class ControlPrior:
 
 
 def _inputs(field: MotionField, before: Int64, habits: Int64) -> UInt8:
-    """(n, 6): level, last symbols, habits, effort of the leader and how much worse others do, the finest."""
+    """(n, 4): last symbols, habits, effort of the leader and how much worse others do."""
     inputs = np.zeros((field.num_points, NUM_CONTROL_COMMON), np.uint8)
-    starts = level_starts(field.num_points)
-    for level, (start, end) in enumerate(pairwise(starts)):
-        inputs[start:end, 0] = level * SMALL
-        inputs[start:end, 5] = (end == field.num_points) * PRESENT
-        if level:
-            binding = field.parents[level - 1]
-            efforts = binding.efforts >> EFFORT_SHIFT
-            chosen = efforts[binding.choice, np.arange(end - start)]
-            inputs[start:end, 3] = np.minimum(chosen, INPUT_LIMIT)
-            inputs[start:end, 4] = np.minimum(efforts.max(axis=0) - efforts.min(axis=0), INPUT_LIMIT)
-    inputs[:, 1] = log_of(before)
-    inputs[:, 2] = log_of(habits)
+    inputs[:, 0] = log_of(before)
+    inputs[:, 1] = log_of(habits)
+    # the first level has no parents
+    levels = pairwise(level_starts(field.num_points)[1:])
+    for binding, (start, end) in zip(field.parents, levels, strict=True):
+        efforts = binding.efforts >> EFFORT_SHIFT
+        chosen = efforts[binding.choice, np.arange(end - start)]
+        inputs[start:end, 2] = np.minimum(chosen, INPUT_LIMIT)
+        inputs[start:end, 3] = np.minimum(efforts.max(axis=0) - efforts.min(axis=0), INPUT_LIMIT)
     return inputs

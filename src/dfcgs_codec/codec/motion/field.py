@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import MAX_CONTROL_POINTS, STATE_LIMIT
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
@@ -21,9 +21,6 @@ from dfcgs_codec.codec.state.planes import scaled
 from dfcgs_codec.transform.control_points import farthest_points, gather_from
 from dfcgs_codec.transform.rigid import RigidMotion
 from dfcgs_codec.transform.rotation import STEREO_ONE
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 #: each level has this many times the control points of all coarser ones together, and one more
 LEVEL_GROWTH_LOG2 = 2

@@ -9,16 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int32, Int64
 from dfcgs_codec.transform.control_points import GATHER_WEIGHT_BITS, NUM_GATHERED, Gathering
 from dfcgs_codec.transform.lod import ladder
 from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rigid import RigidMotion, displacements
-
-Int64 = npt.NDArray[np.int64]
-Int32 = npt.NDArray[np.int32]
-Float64 = npt.NDArray[np.float64]
 
 #: candidates: the blend, then the four control points
 NUM_CANDIDATES = 1 + NUM_GATHERED

@@ -6,20 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
+from dfcgs_codec.array_types import Bool, Int64
+from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.codec.motion.control_points import NUM_COLUMNS, ControlPrior
 from dfcgs_codec.codec.residual.classes import BLOCK_LOG2, num_blocks
 from dfcgs_codec.entropy.symbols import Groups, code_with_models
 
-Bool = npt.NDArray[np.bool_]
-
 #: classes of blocks: all Gaussians stand still, all follow, each has a flag
 STILL, FOLLOW, MIXED = range(3)
 NUM_MODES = 3
-#: modes and follow flags; control points
-NUM_MOTION_STREAMS = 2
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,6 @@ class MotionShape:
 
 
 def _code_modes(coder: SymbolCoder, modes: Int64 | None, before: Int64) -> Int64:
-    """Modes of blocks; context: the mode before."""
     known = np.zeros(0, np.int64) if modes is None else modes
     contexts = before.astype(np.uint8)
     groups = Groups(contexts, NUM_MODES)

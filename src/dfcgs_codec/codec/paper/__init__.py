@@ -1,1 +1,1 @@
-"""P-frames of profile PAPER (spec section 16)."""
+"""P-frames of profile PAPER (spec annex B)."""

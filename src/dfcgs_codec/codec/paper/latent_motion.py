@@ -1,27 +1,29 @@
-"""P-frames of profile `paper`: latents to motion, motion to a frame, colours refined (spec section 16)."""
+"""P-frames of profile `paper`: latents to motion, motion to a frame, colours refined (spec annex B)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
-from dfcgs_codec.bitstream.motion_header import LatentHeader
+from dfcgs_codec.bitstream.motion_header import LatentHeader, SpreadHeader
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.codec.frame.gof_state import GofState
+from dfcgs_codec.codec.motion.compensation import ControlSource
+from dfcgs_codec.codec.motion.field import control_points
 from dfcgs_codec.codec.residual.classes import nonzero_rows
 from dfcgs_codec.codec.state.planes import SH_BANDS, FrameState, Plane
 from dfcgs_codec.entropy.symbols import Groups, code_escaping, code_residuals
 from dfcgs_codec.entropy.tables import NUM_SCALES, Shape
 from dfcgs_codec.model.latent_model import HYPER_REACH, NUM_LATENTS, WIDTHS, LatentModel, PriorInputs
+from dfcgs_codec.transform.control_points import control_cells
 from dfcgs_codec.transform.normalisation import Normalisation, shifted
 from dfcgs_codec.transform.rotation import ONE, normalise
-from dfcgs_codec.transform.spreading import Spreading
-
-Int64 = npt.NDArray[np.int64]
+from dfcgs_codec.transform.spreading import Spreading, spread_from
 
 #: fraction bits of appearance, of colour refinements, and of motions
 _APPEARANCE_BITS = 12
@@ -52,22 +54,57 @@ def appearance_of(frame: FrameState, units: UnitExponents, log2_size: int) -> In
     return np.concatenate([found, missing], axis=1)
 
 
+@dataclass(frozen=True, eq=False)
+class LatentControl:
+    """Where the scene of a GoF is, its control points and whom they move; found when asked for."""
+
+    source: ControlSource
+
+    @cached_property
+    def normalisation(self) -> Normalisation:
+        """By the positions of the I-frame."""
+        return Normalisation.of(self.source.positions.wide())
+
+    @cached_property
+    def points(self) -> tuple[Int64, Int64]:
+        """Cells (N, 3) of the Gaussians, and which of them are control points (n,)."""
+        positions, control = self.source.positions.wide(), self.source.control
+        cells = control_cells(positions, positions[len(positions) >> 1], control.shift)
+        return cells, control_points(cells, control)
+
+    def spreading(self, header: SpreadHeader) -> Spreading:
+        """Over whom control points spread their motion; the last one is kept."""
+        return _spreading(self, header)
+
+
+@lru_cache(maxsize=2)
+def _spreading(control: LatentControl, header: SpreadHeader) -> Spreading:
+    return spread_from(*control.points, header.num_neighbours, header.decay_exponent)
+
+
+@lru_cache(maxsize=2)
+def latent_control(source: ControlSource) -> LatentControl:
+    """That of a GoF, the same for all its frames."""
+    return LatentControl(source)
+
+
 class LatentReference:
     """What a P-frame is predicted from: the reference as the model sees it; computed when asked for."""
 
     def __init__(self, model: LatentModel, state: GofState, units: UnitExponents) -> None:
         self._state, self._units = state, units
+        self._control = latent_control(state.control)
         self.model = model
 
     @property
     def normalisation(self) -> Normalisation:
         """That of the GoF."""
-        return self._state.control.normalisation()
+        return self._control.normalisation
 
     @property
     def rows(self) -> Int64:
         """Row (n,) of each control point."""
-        return self._state.control.points()[1]
+        return self._control.points[1]
 
     def prior(self, rows: Int64 | None = None) -> Int64:
         """Spatial-temporal prior (rows, 16) of some Gaussians, or of all."""
@@ -84,7 +121,7 @@ class LatentReference:
         found = self.model.motions(latents)
         translations = shifted(found[:, :3], self.normalisation.exponent - _MOTION_BITS)
         motions = np.concatenate([translations, found[:, 3:] << _TURN_SHIFT], axis=1)
-        return spread_over(motions, self._state.control.spreading(header.spread), self._state.frame)
+        return spread_over(motions, self._control.spreading(header.spread), self._state.frame)
 
     def refined(self, frame: FrameState) -> FrameState:
         """`frame`, predicted from the reference, with the model's changes of colour; it holds no floats."""

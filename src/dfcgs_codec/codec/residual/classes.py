@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
 from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, row_sums
-
-Int64 = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 #: log2 of the Gaussians in a block
 BLOCK_LOG2 = 6

@@ -8,30 +8,32 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64, UInt8
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.codec.columns.magnitudes import PRESENT, log_of
 from dfcgs_codec.codec.motion.followers import BLEND, Binding
 from dfcgs_codec.model.context_model import INPUT_LIMIT
 
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
-Bool = npt.NDArray[np.bool_]
-
 #: steps of small numbers: densities, columns left
 SMALL = 16
 #: efforts are in 1/16 of half octaves, four frames of them
 EFFORT_SHIFT = 4
-#: attributes whose symbols in this frame, and in the one before, later ones look at
-NOW = (Attribute.POSITION, Attribute.SCALE, Attribute.ROTATION, Attribute.OPACITY, Attribute.SH_DC)
+#: attributes whose symbols in the frame before others look at
 BEFORE = (Attribute.POSITION, Attribute.ROTATION)
 #: all bands of spherical harmonics but the first are one sort
-SORTS = (*NOW, Attribute.SH_1)
+SORTS = (
+    Attribute.POSITION,
+    Attribute.SCALE,
+    Attribute.ROTATION,
+    Attribute.OPACITY,
+    Attribute.SH_DC,
+    Attribute.SH_1,
+)
 #: of `gaussian_inputs`
 NUM_GAUSSIAN_INPUTS = 5
 #: of `common_inputs`
-NUM_COMMON = NUM_GAUSSIAN_INPUTS + 7 + len(NOW) + len(BEFORE) + len(SORTS)
+NUM_COMMON = NUM_GAUSSIAN_INPUTS + 7 + len(BEFORE) + len(SORTS)
 
 
 def _small(values: Int64, factor: int) -> UInt8:
@@ -63,7 +65,7 @@ class AttributeInputs:
     """What the inputs of an attribute's symbols are made of, all (rows,).
 
     `coarseness` in quarter octaves; magnitudes of its symbols `before` and `running`, of its `memory`;
-    classes of the block; magnitudes of other attributes' symbols in this frame (`now`), the last (`earlier`).
+    classes of the block; magnitudes of other attributes' symbols in the last frame (`earlier`).
     """
 
     attribute: Attribute
@@ -74,7 +76,6 @@ class AttributeInputs:
     density_before: Int64
     density: Int64
     magnitude: Int64
-    now: dict[Attribute, Int64]
     earlier: dict[Attribute, Int64]
 
 
@@ -91,10 +92,9 @@ def common_inputs(gaussians: UInt8, known: AttributeInputs) -> UInt8:
     inputs[:, at + 5] = _small(known.density, SMALL)
     inputs[:, at + 6] = _small(known.magnitude, 4)
     at += 7
-    for attributes, found in ((NOW, known.now), (BEFORE, known.earlier)):
-        for column, attribute in enumerate(attributes):
-            if attribute in found:
-                inputs[:, at + column] = log_of(found[attribute])
-        at += len(attributes)
+    for column, attribute in enumerate(BEFORE):
+        if attribute in known.earlier:
+            inputs[:, at + column] = log_of(known.earlier[attribute])
+    at += len(BEFORE)
     inputs[:, at + SORTS.index(min(known.attribute, Attribute.SH_1))] = PRESENT
     return inputs

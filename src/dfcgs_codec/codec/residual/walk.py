@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64, UInt8
 from dfcgs_codec.bitstream.constants import Attribute
-from dfcgs_codec.codec.columns.coder import Int64, SymbolCoder
-from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, UInt8, row_sums
+from dfcgs_codec.codec.columns.coder import SymbolCoder
+from dfcgs_codec.codec.columns.magnitudes import MEMORY_BITS, PRESENT, row_sums
 from dfcgs_codec.codec.columns.prior_column import LAST_INPUT, MEAN_BITS, Component, others_of, rows_of_passes
 from dfcgs_codec.codec.residual.classes import (
     BLOCK_LOG2,
@@ -28,13 +28,7 @@ from dfcgs_codec.codec.residual.classes import (
     num_blocks,
     num_inter_columns,
 )
-from dfcgs_codec.codec.residual.inputs import (
-    BEFORE,
-    NOW,
-    SMALL,
-    AttributeInputs,
-    common_inputs,
-)
+from dfcgs_codec.codec.residual.inputs import BEFORE, SMALL, AttributeInputs, common_inputs
 from dfcgs_codec.entropy.symbols import Groups, code_residuals, code_with_models
 from dfcgs_codec.model.context_model import (
     NUM_FLAG_INPUTS,
@@ -43,8 +37,6 @@ from dfcgs_codec.model.context_model import (
     Part,
 )
 from dfcgs_codec.transform.lod import GofLevels, LevelsOfDetail
-
-Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -71,7 +63,6 @@ class PriorContext:
     before: AttributeActivity
     beside: Int64
     history: InterSymbols
-    coded: dict[Attribute, AttributeActivity]
     levels: GofLevels
 
     def inputs(self, rows: Int64, density: Int64, magnitude: Int64) -> UInt8:
@@ -89,7 +80,6 @@ class PriorContext:
             before.density[block],
             density[block],
             magnitude[block],
-            {a: _sizes(x.symbols[rows]) for a, x in self.coded.items() if a in NOW},
             {a: _sizes(x.symbols[rows]) for a, x in others.items()},
         )
         return common_inputs(self.prior.gaussians[rows], known)
@@ -242,7 +232,7 @@ def code_inter(
         if before is None:
             before = AttributeActivity.none(shape.num_gaussians, num_inter_columns(attribute))
         target = None if symbols is None else symbols.activity[attribute]
-        context = PriorContext(attribute, shape.prior, before, beside, history, dict(coded), shape.levels)
+        context = PriorContext(attribute, shape.prior, before, beside, history, shape.levels)
         coded[attribute] = code_inter_attribute(next_coder(), target, context).remembering(before)
         beside = coded[attribute].density
     return InterSymbols(coded)

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Floats, Int32, Int64, Integers
 from dfcgs_codec.bitstream.constants import (
     FRAME_HASH_BYTES,
     ROTATION_FRACTION_BITS,
@@ -27,12 +27,8 @@ from dfcgs_codec.transform.companding import expand
 
 SH_BANDS = (Attribute.SH_1, Attribute.SH_2, Attribute.SH_3)
 
-Int64 = npt.NDArray[np.int64]
-Int32 = npt.NDArray[np.int32]
-Float32 = npt.NDArray[np.float32]
 
-
-def _to_float(values: npt.NDArray[np.integer], exponent: int) -> npt.NDArray[np.float32]:
+def _to_float(values: Integers, exponent: int) -> Float32:
     # exact: |value| < 2**29 and a power of two fit float64, and one rounding leads to float32
     return np.ldexp(values.astype(np.float64), exponent).astype(np.float32)
 
@@ -40,7 +36,7 @@ def _to_float(values: npt.NDArray[np.integer], exponent: int) -> npt.NDArray[np.
 class Plane:
     """One attribute of all Gaussians, int32 (N, C), with its digest computed at most once."""
 
-    def __init__(self, values: npt.NDArray[np.integer]) -> None:
+    def __init__(self, values: Integers) -> None:
         self.values: Int32 = np.ascontiguousarray(values, np.int32)
         self.values.setflags(write=False)
         self._digest: bytes | None = None
@@ -148,21 +144,21 @@ def empty_state(attributes: list[Attribute]) -> FrameState:
     return FrameState({a: Plane(np.zeros((0, STATE_COLUMNS[a]), np.int32)) for a in attributes})
 
 
-def ranks(places: npt.NDArray[np.integer]) -> Int64:
+def ranks(places: Integers) -> Int64:
     """Rank of each of N different integers: 0 for the smallest."""
     result = np.empty(len(places), np.int64)
     result[np.argsort(places, kind="stable")] = np.arange(len(places))
     return result
 
 
-def verbatim_columns(cloud: GaussianCloud) -> list[npt.NDArray[np.float32]]:
+def verbatim_columns(cloud: GaussianCloud) -> list[Float32]:
     """The frame's values as a list of (N, C) arrays in coding order of the attributes."""
     n = cloud.num_gaussians
     columns = [cloud.positions, cloud.scales, cloud.rotations, cloud.opacities.reshape(n, 1), cloud.sh_dc]
     return columns + sh_bands(cloud.sh_rest)
 
 
-def sh_bands(sh_rest: npt.NDArray[np.float32]) -> list[npt.NDArray[np.float32]]:
+def sh_bands(sh_rest: Float32) -> list[Float32]:
     """Columns of SH degree 1, 2, 3, as far as there are, of `sh_rest` (N, 3, K)."""
     ends = SH_REST_COEFFICIENTS[: SH_REST_COEFFICIENTS.index(sh_rest.shape[2]) + 1]
     return [
@@ -171,7 +167,7 @@ def sh_bands(sh_rest: npt.NDArray[np.float32]) -> list[npt.NDArray[np.float32]]:
     ]
 
 
-def sh_rest_of_bands(bands: list[npt.NDArray[np.float32]], count: int) -> npt.NDArray[np.float32]:
+def sh_rest_of_bands(bands: list[Float32], count: int) -> Float32:
     """Inverse of `sh_bands`; `count` is N."""
     columns = np.concatenate([np.zeros((count, 0), np.float32), *bands], axis=1)
     return np.ascontiguousarray(columns.reshape(count, columns.shape[1] // 3, 3).transpose(0, 2, 1))
@@ -208,7 +204,7 @@ _FIELD_COLUMNS = {
 }
 
 
-def columns_of(cloud: GaussianCloud) -> Iterator[tuple[str, int, npt.NDArray[np.floating]]]:
+def columns_of(cloud: GaussianCloud) -> Iterator[tuple[str, int, Floats]]:
     """Field, first column in a row of all attributes, and values (N, C) with the columns of the state.
 
     The values are a view of the cloud's array, but for `sh_rest`, whose columns come in another order.
@@ -234,9 +230,7 @@ def _escaped(cloud: GaussianCloud, escapes: Escapes) -> GaussianCloud:
     return replace(cloud, **found)
 
 
-def array_of_columns(
-    name: str, values: npt.NDArray[np.floating], shape: tuple[int, ...]
-) -> npt.NDArray[np.floating]:
+def array_of_columns(name: str, values: Floats, shape: tuple[int, ...]) -> Floats:
     """Inverse of `columns_of` for one field: (N, C) in the shape of the cloud's array."""
     if name != "sh_rest":
         return values.reshape(shape)
@@ -256,7 +250,7 @@ def _joined(bands: list[Plane], count: int, exponent: int) -> Float32:
     return known[2]
 
 
-def _positions(plane: Plane, units: UnitExponents) -> npt.NDArray[np.floating]:
+def _positions(plane: Plane, units: UnitExponents) -> Floats:
     """Positions with their origin: exact in float64, then one rounding where they come out as float32."""
     if units.origin == (0, 0, 0) and units.precision == Precision.FLOAT32:
         return plane.floats(units.position)

@@ -11,14 +11,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64, Integers
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.state.planes import FrameState, Plane
 from dfcgs_codec.transform.companding import expand
-
-Int64 = npt.NDArray[np.int64]
 
 #: sixteenths of an octave to a unit of natural logarithm: round(16 * 2**10 / ln 2)
 OCTAVES_PER_LOG = 23637
@@ -80,7 +78,7 @@ def coarser_steps(step: int, level: int, weights: Int64) -> Int64:
     return steps
 
 
-def axes_of(scales: npt.NDArray[np.integer], exponent: int) -> tuple[Int64, Int64, Int64]:
+def axes_of(scales: Integers, exponent: int) -> tuple[Int64, Int64, Int64]:
     """log2, in sixteenths, of the three axes (N,) of log-scales (N, 3), as they come."""
     shift = min(max(OCTAVES_PER_LOG_BITS - exponent, 0), _MAX_SHIFT)
     x, y, z = (column.astype(np.int64) * OCTAVES_PER_LOG >> shift for column in scales.T)

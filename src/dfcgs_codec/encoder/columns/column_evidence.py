@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from dfcgs_codec.codec.columns.coder import AnyReal, ColumnFacts, Int64
-
-Float64 = npt.NDArray[np.float64]
+from dfcgs_codec.array_types import Float64, Int64
+from dfcgs_codec.codec.columns.coder import AnyReal, ColumnFacts
 
 #: rows that weights are fitted to
 _MOST_ROWS = 24_000

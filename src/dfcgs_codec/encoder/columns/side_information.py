@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64, UInt8
 from dfcgs_codec.codec.columns.coder import AnyReal
 from dfcgs_codec.codec.columns.side_information import (
     ABSENT_LEVEL,
@@ -26,10 +26,6 @@ from dfcgs_codec.entropy.tables import (
     SPLIT_ALPHAS,
     Shape,
 )
-
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
-Float64 = npt.NDArray[np.float64]
 
 #: histograms of residuals reach this far on either side
 _REACH = 512
@@ -96,7 +92,6 @@ def table_costs(residuals: Int64, contexts: UInt8, num_contexts: int) -> Float64
 
 
 def _wide_costs(costs: Float64, residuals: Int64) -> None:
-    """Fill in the tables with raw low bits around the residuals' magnitude."""
     guess = int(np.log2(np.abs(residuals).mean() / _WIDE_MEAN))
     start = NUM_BASE_SCALES - SCALES_PER_OCTAVE
     zeros = np.zeros(len(residuals), np.uint8)

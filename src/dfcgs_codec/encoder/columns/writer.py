@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
 from dfcgs_codec.codec.columns.coder import (
     ColumnFacts,
     HistogramEvidence,
-    Int64,
     ResidualEvidence,
     SplitEvidence,
     WeightEvidence,

@@ -106,7 +106,6 @@ def _write(
 
 
 def _check_not_input(target: Path, source: FrameSource) -> None:
-    """InputError where the output would take the place of a frame."""
     for path in getattr(source, "paths", ()):
         if target.exists() and target.samefile(path):
             raise InputError(f"{target} is one of the frames: name another output")

@@ -9,22 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from dfcgs_codec.bitstream.constants import STATE_LIMIT, ChunkType, Precision, Tool
-from dfcgs_codec.bitstream.container import write_chunk
+from dfcgs_codec.array_types import Bool, Floats, Int64, UInt64
+from dfcgs_codec.bitstream.constants import STATE_LIMIT, Precision
 from dfcgs_codec.bitstream.escapes import Escapes
-from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader
-from dfcgs_codec.bitstream.io import ByteReader, ByteWriter
-from dfcgs_codec.bitstream.sequence_header import SequenceHeader, UnitExponents
+from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.state.planes import array_of_columns, columns_of
-from dfcgs_codec.encoder.frame.frame_coding import CodedFrame
 from dfcgs_codec.encoder.plan.position_grid import far_ones
 from dfcgs_codec.gaussians import GaussianCloud
-
-Int64 = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.floating]
 
 #: largest magnitude that a grid is taken to hold: errors of coarse steps must not lead out of the state
 _HELD = STATE_LIMIT - (1 << 25)
@@ -50,7 +42,7 @@ class Grids:
         found: dict[str, Floats] = {}
         rows: list[Int64] = []
         columns: list[Int64] = []
-        patterns: list[npt.NDArray[np.uint64]] = []
+        patterns: list[UInt64] = []
         for name, first, values in columns_of(cloud):
             limit = self._limit(name)
             on_grid = self._taken_from_origin(values) if name == "positions" else values
@@ -130,7 +122,7 @@ def _stand_ins(values: Floats, off: Bool, name: str, limit: float, held: Floats 
     return np.where(off, border, values).astype(values.dtype)
 
 
-def _patterns(values: Floats, is_wide: bool) -> npt.NDArray[np.uint64]:
+def _patterns(values: Floats, is_wide: bool) -> UInt64:
     kinds = (np.float64, np.uint64) if is_wide else (np.float32, np.uint32)
     if values.dtype == kinds[0]:
         return values.view(kinds[1]).astype(np.uint64)
@@ -147,48 +139,3 @@ def in_gof_order(escapes: Escapes, members: Int64) -> Escapes:
     return replace(
         escapes, rows=rows[order], columns=escapes.columns[order], patterns=escapes.patterns[order]
     )
-
-
-def _same(a: Escapes | None, b: Escapes | None) -> bool:
-    empty = [found is None or not len(found) for found in (a, b)]
-    if any(empty):
-        return all(empty)
-    assert a is not None
-    assert b is not None
-    return a.payload() == b.payload()
-
-
-def with_escapes(
-    coded: CodedFrame, index: int, escapes: Escapes | None, sequence: SequenceHeader
-) -> CodedFrame:
-    """`coded` with its escapes, rows in GoF order: a header that says so, their chunk behind all others."""
-    if _same(coded.state.frame.escapes, escapes):
-        return coded
-    escapes = escapes or Escapes.none()
-    frame = replace(coded.state.frame.on_grid(), escapes=escapes)
-    header, streams, chunks = _opened(coded, sequence)
-    kind = ChunkType.INTRA_FRAME
-    if isinstance(header, InterHeader):
-        kind = ChunkType.INTER_FRAME
-        header = replace(header, tools=header.tools | {Tool.ESCAPE})
-    else:
-        header = replace(header, has_escapes=True)
-    writer = ByteWriter()
-    replace(header, frame_hash=frame.hash()).write(writer)
-    writer.raw(streams)
-    data = write_chunk(kind, index, writer.getvalue()) + chunks
-    data += write_chunk(ChunkType.ESCAPES, index, escapes.payload())
-    state = replace(coded.state, frame=frame)
-    return replace(coded, data=data, kind="P" if coded.kind == "skip" else coded.kind, state=state)
-
-
-def _opened(coded: CodedFrame, sequence: SequenceHeader) -> tuple[IntraHeader | InterHeader, bytes, bytes]:
-    """Header of the frame's first chunk, what follows in its payload, and the chunks behind it."""
-    reader = ByteReader(coded.data)
-    reader.u8()
-    reader.uvarint()
-    payload = ByteReader(reader.raw(reader.uvarint()))
-    reader.u32()
-    kind = IntraHeader if coded.kind == "I" else InterHeader
-    header = kind.read(payload, sequence)
-    return header, payload.raw(payload.remaining), reader.raw(reader.remaining)

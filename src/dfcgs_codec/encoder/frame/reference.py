@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
-
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.encoder.frame.frame_coding import CodedFrame
@@ -15,10 +13,19 @@ from dfcgs_codec.encoder.frame.targets import Planes
 from dfcgs_codec.encoder.matching.identity import Members, Succession
 from dfcgs_codec.encoder.plan.allocation import Placing
 from dfcgs_codec.encoder.residual.appearing import ColourSteps
+from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
+from dfcgs_codec.sequence import FrameSource
 
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
+
+def check_announced(source: FrameSource, index: int, cloud: GaussianCloud, sh_degree: int) -> None:
+    """InputError where frame `index`, as it was read, is another than `source` has said of it."""
+    found, planned = (cloud.num_gaussians, cloud.sh_degree), (source.headers[index].num_gaussians, sh_degree)
+    if found != planned:
+        raise InputError(
+            f"frame {source.numbers[index]}: {found[0]} Gaussians of SH degree {found[1]}, but "
+            f"{planned[0]} of SH degree {planned[1]} were announced; frames must not change meanwhile"
+        )
 
 
 @dataclass(frozen=True)

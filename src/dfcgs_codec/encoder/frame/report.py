@@ -6,13 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Floats
 from dfcgs_codec.encoder.plan.quantiser_steps import SH_C0, Bound
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.gaussians import GaussianCloud
-
-Floats = npt.NDArray[np.floating]
 
 
 @dataclass
@@ -28,7 +26,7 @@ class ErrorStatistics:
         """Mean over all Gaussians and frames."""
         return self.total / self.count if self.count else 0.0
 
-    def add(self, errors: npt.NDArray[np.floating]) -> None:
+    def add(self, errors: Floats) -> None:
         """Take in the absolute errors of a frame."""
         if errors.size:
             self.maximum = max(self.maximum, float(errors.max()))
@@ -42,18 +40,18 @@ class ErrorStatistics:
         self.count += other.count
 
 
-def _rotation_error(a: Floats, b: Floats) -> npt.NDArray[np.float64]:
+def _rotation_error(a: Floats, b: Floats) -> Float64:
     """Angle in degrees between quaternions (N, 4), from the chord, which small angles need."""
     u, v = a.astype(np.float64), b.astype(np.float64)
     u /= np.sqrt((u * u).sum(axis=1, keepdims=True))
     v /= np.sqrt((v * v).sum(axis=1, keepdims=True))
     chord = np.minimum(((u - v) ** 2).sum(axis=1), ((u + v) ** 2).sum(axis=1))
-    degrees: npt.NDArray[np.float64] = np.degrees(4 * np.arcsin(np.minimum(np.sqrt(chord) / 2, 1)))
+    degrees: Float64 = np.degrees(4 * np.arcsin(np.minimum(np.sqrt(chord) / 2, 1)))
     return degrees
 
 
-def _alpha(logit: Floats) -> npt.NDArray[np.float64]:
-    alpha: npt.NDArray[np.float64] = 1 / (1 + np.exp(-np.clip(logit.astype(np.float64), -60, 60)))
+def _alpha(logit: Floats) -> Float64:
+    alpha: Float64 = 1 / (1 + np.exp(-np.clip(logit.astype(np.float64), -60, 60)))
     return alpha
 
 
@@ -72,7 +70,7 @@ def _all_finite(values: Floats) -> bool:
     return bool(not values.size or (np.isfinite(values.min()) and np.isfinite(values.max())))
 
 
-def errors_of(name: str, source: Floats, decoded: Floats) -> npt.NDArray[np.floating]:
+def errors_of(name: str, source: Floats, decoded: Floats) -> Floats:
     """Absolute errors of `ERROR_FIELDS[name]`: per Gaussian (position, rotation, alpha) or component.
 
     Values that are not finite have no error where they are kept as they are, else an infinite one.
@@ -92,10 +90,10 @@ def errors_of(name: str, source: Floats, decoded: Floats) -> npt.NDArray[np.floa
     return np.where(lost, np.inf, errors)
 
 
-def _errors_of(name: str, source: Floats, decoded: Floats) -> npt.NDArray[np.floating]:
+def _errors_of(name: str, source: Floats, decoded: Floats) -> Floats:
     if name == "position":
         distance = source.astype(np.float64) - decoded
-        errors: npt.NDArray[np.floating] = np.sqrt((distance * distance).sum(axis=1))
+        errors: Floats = np.sqrt((distance * distance).sum(axis=1))
         return errors
     if name == "rotation":
         return _rotation_error(source, decoded)
@@ -105,7 +103,7 @@ def _errors_of(name: str, source: Floats, decoded: Floats) -> npt.NDArray[np.flo
     return difference * difference.dtype.type(SH_C0) if name == "colour" else difference
 
 
-def attribute_errors(source: GaussianCloud, decoded: GaussianCloud) -> dict[str, npt.NDArray[np.floating]]:
+def attribute_errors(source: GaussianCloud, decoded: GaussianCloud) -> dict[str, Floats]:
     """The errors of all attributes."""
     return {
         name: errors_of(name, getattr(source, field), getattr(decoded, field))

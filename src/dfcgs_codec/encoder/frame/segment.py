@@ -8,36 +8,41 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, OutputOrder, Profile
 from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.codec.frame.gof_state import GofState
-from dfcgs_codec.codec.intra.verbatim import state_of
-from dfcgs_codec.encoder.frame.announced import check_announced
+from dfcgs_codec.codec.residual.classes import InterSymbols
 from dfcgs_codec.encoder.frame.error_meter import ErrorMeter
+from dfcgs_codec.encoder.frame.finer_steps import FinerSteps
 from dfcgs_codec.encoder.frame.frame_coding import (
-    IntraTask,
-    code_empty_frame,
-    code_intra_frame,
-    code_repetition,
-    code_verbatim_frame,
+    coded_empty,
+    coded_inter,
+    coded_intra,
+    coded_verbatim,
 )
-from dfcgs_codec.encoder.frame.off_grid import Grids, in_gof_order, with_escapes
-from dfcgs_codec.encoder.frame.reference import CodedGof, CodedReference, CodedSegment, InputFrame, RunStart
+from dfcgs_codec.encoder.frame.off_grid import Grids, in_gof_order
+from dfcgs_codec.encoder.frame.reference import (
+    CodedGof,
+    CodedReference,
+    CodedSegment,
+    InputFrame,
+    RunStart,
+    check_announced,
+)
 from dfcgs_codec.encoder.frame.report import FrameRecord
 from dfcgs_codec.encoder.frame.targets import Targets, ordered, wide_planes
 from dfcgs_codec.encoder.images.shown import Shown
-from dfcgs_codec.encoder.images.watch import Watch
 from dfcgs_codec.encoder.intra.turn_choice import settled_names
 from dfcgs_codec.encoder.matching.canonical import AxisNames
-from dfcgs_codec.encoder.matching.identity import Members, Succession, found_members, same_members
+from dfcgs_codec.encoder.matching.identity import Members, Succession, found_members, is_tracked, same_members
 from dfcgs_codec.encoder.paper.latent_coding import CARRIED, LatentCoder
 from dfcgs_codec.encoder.plan.allocation import Placing
 from dfcgs_codec.encoder.plan.plan import SequencePlan
-from dfcgs_codec.encoder.plan.triage import is_tracked
 from dfcgs_codec.encoder.plan.tuning import MotionMode
 from dfcgs_codec.encoder.residual.appearing import ColourSteps, differing_rows
 from dfcgs_codec.encoder.residual.inter_coding import Births, InterCoder, InterTask
@@ -46,21 +51,8 @@ from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.model.registry import latent_model
 from dfcgs_codec.sequence import FrameSource
 
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
-
 #: a P-frame that costs more than this share of the last I-frame has an I-frame tried beside it
 _TRY_INTRA_SHARE = 0.7
-#: dB by which a P-frame may be behind an I-frame in its place, and are to be; what is further behind is coded
-#: again, in finer steps. The frames that follow go part of the way
-_MOST_BEHIND, _AIM_BEHIND = 1.2, 0.3
-_FOLLOWED = 0.4
-#: finer steps have helped that take this share of it away; what does not help was never coded, but appeared
-_HELPED = 0.25
-#: if it is so many dB behind
-_APPEARED = 2.5
-_DB_PER_OCTAVE = 6.02
-_MOST_FINER = 3.0
 
 
 class SegmentEncoder:
@@ -76,7 +68,7 @@ class SegmentEncoder:
         self._latent_coder: LatentCoder | None = None
         if plan.header.profile == Profile.PAPER:
             self._latent_coder = LatentCoder(plan, latent_model(plan.header.model_id))
-        self._watch, self._finer = Watch(plan), 0.0
+        self._finer = FinerSteps(plan)
         self._meter = ErrorMeter(plan.header.unit_exponents)
         self._before: GaussianCloud | None = None
         self._anchors: dict[int, RunStart] = {}
@@ -86,7 +78,7 @@ class SegmentEncoder:
         """Frames start..stop - 1; calls `on_frame` after each."""
         # what is remembered from frame to frame begins anew: bytes do not depend on who coded what
         self._inter_coder, self._before = InterCoder(self._plan), None
-        self._watch, self._finer = Watch(self._plan), 0.0
+        self._finer = FinerSteps(self._plan)
         segment = CodedSegment()
         loop: CodedReference | None = None
         measured: Future[None] | None = None
@@ -98,15 +90,15 @@ class SegmentEncoder:
                 if index + 1 < stop:
                     ahead = beside.submit(self._read, index + 1)
                 segment.report.notes += frame.notes
-                loop = self._escaped(index, self._next(index, frame, loop), frame.escapes)
+                loop = self._escaped(self._next(index, frame, loop), frame.escapes)
                 segment.report.held_frames += loop.is_held
                 if frame.escapes is not None:
                     segment.report.num_escapes += len(frame.escapes)
                     segment.report.escaped_frames += 1
                 if loop.coded.kind == "I":
-                    self._watch.begin(loop.target, loop.coded.state.frame, loop.intra_steps)
+                    self._finer.begin(loop)
                     segment.gofs.append(CodedGof(index))
-                segment.report.behind.append(self._watch.level)
+                segment.report.behind.append(self._finer.level)
                 segment.gofs[-1].frames.append(loop.coded.data)
                 if measured is not None:
                     measured.result()
@@ -147,44 +139,20 @@ class SegmentEncoder:
         free = self._plan.options.tuning.motion in (MotionMode.AUTO, MotionMode.OFF)
         if before is None or best.succession is None or best.coded.kind != "P" or not free:
             return best
-        if self._is_behind(best):
+        fresh = None if best.colours is None else self._fresh(best.coded.state)
+        if (
+            fresh is not None
+            and best.colours is not None
+            and best.colours.are_behind(best.coded.state, fresh)
+        ):
             return self._intra(index, frame)
-        return self._good_enough(index, frame, before, best)
+        again = partial(self._inter, index, frame, before, best.succession)
+        return self._finer.good_enough(index, best, again, before.intra_bytes) or self._intra(index, frame)
 
     def _fresh(self, state: GofState) -> Int64 | None:
         """Steps (N,) of colours in an I-frame in place of the frame that left `state`, if they follow it."""
         steps = self._inter_coder.slack(state).get(Attribute.SH_DC)
         return None if steps is None else steps[:, 0]
-
-    def _is_behind(self, loop: CodedReference) -> bool:
-        fresh = self._fresh(loop.coded.state) if loop.colours is not None else None
-        return (
-            fresh is not None
-            and loop.colours is not None
-            and loop.colours.are_behind(loop.coded.state, fresh)
-        )
-
-    def _good_enough(
-        self, index: int, frame: InputFrame, before: CodedReference, loop: CodedReference
-    ) -> CodedReference:
-        """A P-frame, or in finer steps, or an I-frame in its place: one that is not far behind I-frames."""
-        assert loop.succession is not None
-        found = self._watch.behind(loop.target, loop.coded.state.frame, index)
-        behind, short = found, max(found, self._watch.short())
-        if short > _MOST_BEHIND:
-            planned = self._finer
-            self._finer = min(planned + (short - _AIM_BEHIND) / _DB_PER_OCTAVE, _MOST_FINER)
-            loop = self._inter(index, frame, before, loop.succession)
-            behind = self._watch.behind(loop.target, loop.coded.state.frame, index)
-            helped = found - behind > _HELPED * found
-            if (behind > _APPEARED and not helped) or len(loop.coded.data) > before.intra_bytes:
-                # finer steps did not help: the GoF that begins does without
-                self._finer = planned
-                return self._intra(index, frame)
-        self._watch.go_on()
-        change = _FOLLOWED * (max(behind, self._watch.short()) - _AIM_BEHIND) / _DB_PER_OCTAVE
-        self._finer = min(max(self._finer + change, 0.0), _MOST_FINER)
-        return loop
 
     def _inter(
         self, index: int, frame: InputFrame, before: CodedReference, succession: Succession
@@ -197,24 +165,24 @@ class SegmentEncoder:
             state = state.survivors(kept)
         target_before = before.target if succession.all_survive else ordered(before.target, kept)
         same = (before.planes, before.target) if members is before.members else None
-        task = InterTask(index, members.target(planes, same), target_before, state, births)
+        target = members.target(planes, same)
+        task = InterTask(index, target, target_before, state, before.coded.state, births)
         held = False
         if self._latent_coder is not None:
             coded = self._latent_coder.code(index, task.target, task.before, state)
             held = any((task.target[a] != task.before[a]).any() for a in task.target if a not in CARRIED)
         else:
-            coded = self._inter_coder.code(task, self._finer)
+            coded = self._inter_coder.code(task, self._finer.octaves)
         unit = 2.0**self._plan.header.unit_exponents.position
         went = task.target[Attribute.POSITION] - task.before[Attribute.POSITION]
         moved: Float64 = went.astype(np.float64) * unit
-        target = task.target
         if births is not None and coded.source is not None:
             source = coded.source
             born = self._settled_births(births, coded.state, source)
             members = members.merge(born, source)
             came = births.target if born is births.members else born.target(planes)
             target = {a: np.concatenate([v, came[a]])[source] for a, v in target.items()}
-            unknown = np.full((births.change.num_births, 3), np.nan)
+            unknown = np.full((len(births), 3), np.nan)
             moved = np.concatenate([moved, unknown])[source]
         found = CodedReference(coded, members, target, cloud, planes, before.intra_bytes, moved, held)
         if self._latent_coder is not None:
@@ -231,7 +199,7 @@ class SegmentEncoder:
         names = births.members.names
         if names is None:
             return births.members
-        count = births.change.num_births
+        count = len(births)
         places = np.argsort(source, kind="stable")[len(source) - count :]
         decoded = state.frame.planes[Attribute.ROTATION].wide()[places]
         names = settled_names(names, births.target[Attribute.ROTATION], decoded)
@@ -240,21 +208,20 @@ class SegmentEncoder:
     def _empty(
         self, index: int, cloud: GaussianCloud, planes: Planes, before: CodedReference | None
     ) -> CodedReference:
-        """A frame without Gaussians."""
         if before is not None and not before.cloud.num_gaussians:
-            return replace(before, coded=code_repetition(index, before.coded.state))
-        coded = code_empty_frame(index, list(planes), self._plan.gof_setup)
+            repeated = coded_inter(self._plan.writer(index), InterSymbols(), before.coded.state, ({}, {}))
+            return replace(before, coded=repeated)
+        coded = coded_empty(self._plan.writer(index))
         return CodedReference(
             coded, Members(np.zeros(0, np.int64), None), planes, cloud, planes, len(coded.data)
         )
 
-    def _escaped(self, index: int, loop: CodedReference, escapes: Escapes | None) -> CodedReference:
-        """With the escapes of the frame."""
+    def _escaped(self, loop: CodedReference, escapes: Escapes | None) -> CodedReference:
         if loop.coded.state.frame.verbatim is not None:
             return loop
         if escapes is not None:
             escapes = in_gof_order(escapes, loop.members.rows)
-        return replace(loop, coded=with_escapes(loop.coded, index, escapes, self._plan.header))
+        return replace(loop, coded=loop.coded.with_escapes(escapes))
 
     def _intra(self, index: int, frame: InputFrame) -> CodedReference:
         cloud, planes = frame.cloud, frame.planes
@@ -264,18 +231,17 @@ class SegmentEncoder:
         order, grid = placing.intra.order(planes[Attribute.POSITION])
         permutation = self._permutation(order, anchor if tracked else None)
         if self._plan.options.intra == IntraKind.PLY:
-            state = state_of(frame.original.take(order).as_float32(), self._plan.header.unit_exponents)
-            coded = code_verbatim_frame(index, state, permutation, self._plan.gof_setup)
-            return CodedReference(
-                coded, Members(order, None), wide_planes(state), cloud, planes, len(coded.data)
-            )
+            exact = frame.original.take(order).as_float32()
+            coded = coded_verbatim(self._plan.writer(index), exact, permutation, self._plan.control)
+            target = wide_planes(coded.state.frame)
+            return CodedReference(coded, Members(order, None), target, cloud, planes, len(coded.data))
         is_first = not tracked or index == first
         names = (placing.names if is_first else self._settled(first, anchor)).take(order)
         target = Members(order, names).target(planes)
         zero_bin = self._plan.options.tuning.intra_zero_bin
-        wanted = placing.intra.target(target, order, self._plan.quantisation, zero_bin)
+        wanted = placing.intra.target(target, (order, grid), self._plan.quantisation, zero_bin)
         wanted = replace(wanted, permutation=permutation, keeps_names=not is_first)
-        coded = code_intra_frame(index, IntraTask(wanted, grid), self._plan.gof_setup)
+        coded = coded_intra(self._plan.writer(index), wanted, self._plan.control)
         self._inter_coder.begin(placing.intra.steps)
         decoded = coded.state.frame.planes[Attribute.ROTATION].wide()
         names = settled_names(names, target[Attribute.ROTATION], decoded)
@@ -323,7 +289,6 @@ class SegmentEncoder:
     def _record(
         self, segment: CodedSegment, index: int, original: GaussianCloud, loop: CodedReference
     ) -> None:
-        """Measure the frame's errors as a decoder will have it, against the input under its axis names."""
         frame, number = loop.coded, self._source.numbers[index]
         record = FrameRecord(number, frame.kind, loop.cloud.num_gaussians, len(frame.data))
         errors = self._meter.measure(original, loop.members, loop.target, frame.state.frame)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.intra.verbatim import grid_values
 from dfcgs_codec.codec.state.planes import FrameState
 from dfcgs_codec.gaussians import GaussianCloud
 
-Int64 = npt.NDArray[np.int64]
 Planes = dict[Attribute, Int64]
 
 

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import AnyArray, Float64, Int64
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.encoder.images.sensitivity import ImageError
@@ -21,9 +21,6 @@ from dfcgs_codec.encoder.images.splats import Splats, alpha_of, deviations, rota
 from dfcgs_codec.encoder.residual.quantise import faintest
 from dfcgs_codec.transform.companding import compress_thinness, expand, expand_thinness
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 #: steps change by no more octaves
 _MOST_OCTAVES = 1.2
@@ -147,7 +144,7 @@ class Quantised:
     def _alpha(self, values: Int64) -> Float64:
         return alpha_of(expand(values[:, 0], self.units.opacity) * 2.0**self.units.opacity)
 
-    def _colours(self, planes: Mapping[Attribute, npt.NDArray[np.number]]) -> Float64:
+    def _colours(self, planes: Mapping[Attribute, AnyArray]) -> Float64:
         of_colour = [planes[a] for a in sorted(planes) if a >= Attribute.SH_DC]
         if not of_colour:
             return np.zeros((len(planes[Attribute.POSITION]), 3, 0))

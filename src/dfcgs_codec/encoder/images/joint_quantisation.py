@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.encoder.images.splats import alpha_of
 from dfcgs_codec.transform.companding import compress, expand
-
-Int64 = npt.NDArray[np.int64]
 
 #: how much less opaque, in logarithms, a Gaussian is to be that has become larger, in logarithms of axes: one
 #: half would suit one that is alone

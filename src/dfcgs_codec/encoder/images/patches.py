@@ -6,19 +6,16 @@ An encoder's choice; floats are welcome here.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Float64, Int64
+from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.encoder.images.projection import LEAST_ALPHA, MOST_ALPHA, project
 from dfcgs_codec.encoder.images.splats import Splats, extent, harmonics, turned
 from dfcgs_codec.views.camera import LARGEST, ViewCamera
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 #: patches that are looked at
 PATCHES = 96
@@ -81,6 +78,15 @@ class Patch:
         """The Gaussians of the patch."""
         alphas, depth = self.alphas(splats)
         return Drawing(alphas, self._shades(splats), depth)
+
+    def drawn_anew(self, before: Drawing, splats: Splats, changed: Attribute) -> Drawing:
+        """The Gaussians of the patch after one attribute `changed`: what it has no part in is as it was."""
+        if changed >= Attribute.SH_DC:
+            return replace(before, shades=self._shades(splats))
+        if changed == Attribute.POSITION:
+            return self.draw(splats)
+        alphas, depth = self.alphas(splats)
+        return Drawing(alphas, before.shades, depth)
 
     def alphas(self, splats: Splats) -> tuple[Float32, Float64]:
         """Opacity of each Gaussian at each pixel, (n, pixels), and how far away it is, (n,)."""
@@ -164,7 +170,6 @@ class Surroundings:
 
     @cached_property
     def _columns(self) -> Float64:
-        """Positions (3, N), coordinate by coordinate."""
         return np.ascontiguousarray(self.positions.T)
 
     @staticmethod

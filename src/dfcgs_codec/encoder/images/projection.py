@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Float64
 from dfcgs_codec.encoder.images.splats import Splats, turned
 from dfcgs_codec.views.camera import ViewCamera
-
-Float64 = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 #: renderers add this variance, in pixels
 BLUR = 0.3

@@ -12,15 +12,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Float64, Int64, UInt16
 from dfcgs_codec.encoder.images.projection import LEAST_ALPHA, MOST_ALPHA, Ellipses, project
 from dfcgs_codec.encoder.images.splats import Splats
 from dfcgs_codec.views.camera import ViewCamera
-
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 #: rays along the longer side of an image: with 48, Gaussians that show between them cost 7 dB at 50 dB
 _RAYS = 64
@@ -61,7 +57,7 @@ def _alphas(ellipses: Ellipses, alpha: Float64, owner: Int64, points: tuple[Floa
     return found
 
 
-def _light(ray: npt.NDArray[np.uint16], alphas: Float32) -> Float32:
+def _light(ray: UInt16, alphas: Float32) -> Float32:
     """The share of light (P,) that passes what lies before; pairs sorted by `ray`, front to back."""
     depth = -np.log1p(-alphas.astype(np.float64))
     before = np.cumsum(depth) - depth
@@ -73,7 +69,6 @@ def _light(ray: npt.NDArray[np.uint16], alphas: Float32) -> Float32:
 
 
 def _of_image(splats: Splats, camera: ViewCamera, near: float, offset: Float64) -> Float64:
-    """What each Gaussian adds to an image (N,), in pixels."""
     ellipses = project(splats, camera, near)
     sides = np.array([camera.width, camera.height])
     spacing = max(1.0, float(sides.max()) / _RAYS)

@@ -10,14 +10,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.encoder.images.patches import Drawing, Patch
 from dfcgs_codec.encoder.images.splats import Splats
-
-Float32 = npt.NDArray[np.float32]
-Int64 = npt.NDArray[np.int64]
 
 #: of those who swap places in depth there are too few in a few pixels: they are counted where so many times
 #: as many do
@@ -59,7 +56,7 @@ def _errors_of(
     order = np.argsort(before.depth, kind="stable")
     image, errors = before.image(order), {}
     for attribute, there in changed.items():
-        after = patch.draw(there)
+        after = patch.drawn_anew(before, there, attribute)
         still = order if attribute == Attribute.POSITION else None
         errors[attribute] = ImageError(squared(after.image(still), image))
         if attribute == Attribute.POSITION:

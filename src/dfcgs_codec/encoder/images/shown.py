@@ -9,20 +9,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Float64, Int64
 from dfcgs_codec.encoder.images.patches import PATCHES, Patch, patches_of_views
 from dfcgs_codec.encoder.images.seen import largest_weights
 from dfcgs_codec.encoder.images.sensitivity import squared
 from dfcgs_codec.encoder.images.splats import Splats, extent
-from dfcgs_codec.encoder.plan.triage import is_tracked
+from dfcgs_codec.encoder.matching.identity import is_tracked
 from dfcgs_codec.gaussians import GaussianCloud
 from dfcgs_codec.sequence import FrameSource
 from dfcgs_codec.views.camera import ViewCamera, Views
 from dfcgs_codec.views.region import positions_between
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 #: cameras of the region, and of these every third is not looked from, but judges what is left out
 _CAMERAS = 36
@@ -110,7 +107,7 @@ class Region:
         return Seen(rows, None, len(shows) - len(rows))
 
 
-def error_without(splats: Splats, is_out: npt.NDArray[np.bool_], patches: Sequence[Patch]) -> float:
+def error_without(splats: Splats, is_out: Bool, patches: Sequence[Patch]) -> float:
     """Mean squared error of the patches' pixels without the Gaussians `is_out` (N,)."""
     errors = []
     for patch in patches:

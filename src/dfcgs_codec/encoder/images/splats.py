@@ -5,18 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Floats, Int64
 from dfcgs_codec.gaussians import GaussianCloud
-
-Float64 = npt.NDArray[np.float64]
-Int64 = npt.NDArray[np.int64]
 
 _MAX_LOG_SCALE = 30.0
 _MAX_LOGIT = 50.0
 
 
-def rotation_matrices(quaternions: npt.NDArray[np.floating]) -> Float64:
+def rotation_matrices(quaternions: Floats) -> Float64:
     """Rotation matrices (N, 3, 3), axes in columns, of quaternions (N, 4) of any length but zero."""
     wide = quaternions.astype(np.float64)
     w, x, y, z = (wide / np.linalg.norm(wide, axis=1, keepdims=True)).T
@@ -28,7 +25,7 @@ def rotation_matrices(quaternions: npt.NDArray[np.floating]) -> Float64:
     return np.stack([np.stack(row, axis=1) for row in rows], axis=1)
 
 
-def deviations(log_scales: npt.NDArray[np.floating]) -> Float64:
+def deviations(log_scales: Floats) -> Float64:
     """Standard deviations, any shape; absurd ones are clipped."""
     return np.exp(np.clip(log_scales.astype(np.float64), -_MAX_LOG_SCALE, _MAX_LOG_SCALE))
 
@@ -42,7 +39,7 @@ def turned(columns: Float64, matrix: Float64) -> Float64:
     return np.stack([row[0] * x + row[1] * y + row[2] * z for row in matrix])
 
 
-def alpha_of(logits: npt.NDArray[np.floating]) -> Float64:
+def alpha_of(logits: Floats) -> Float64:
     """Opacities, any shape."""
     found: Float64 = 1.0 / (1.0 + np.exp(-np.clip(logits.astype(np.float64), -_MAX_LOGIT, _MAX_LOGIT)))
     return found

@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.codec.state.planes import FrameState
@@ -24,8 +24,6 @@ from dfcgs_codec.encoder.intra.intra_plan import steps_in_intra_frame
 from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.transform.companding import expand
 
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 Planes = Mapping[Attribute, Int64]
 
 #: groups of patches, and patches of each: in turn, a frame is looked at in one of them

@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64, UInt8
 from dfcgs_codec.bitstream.constants import STATE_LIMIT, Attribute
 from dfcgs_codec.bitstream.frame_headers import IntraSteps, SortGrid
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
@@ -26,9 +26,6 @@ from dfcgs_codec.encoder.residual.quantise import Planes, ZeroBin, order_of, pla
 from dfcgs_codec.transform.companding import compress_thinness, thin_octaves
 from dfcgs_codec.transform.rotation import round_divide
 from dfcgs_codec.transform.trellis import takes_turns
-
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
 
 #: share of the Gaussians whose steps are coarser than given
 _RANK = 0.9
@@ -79,6 +76,7 @@ class IntraTarget:
     positions: Int64
     cover: Int64
     steps: IntraSteps
+    grid: SortGrid
     quantisation: Quantisation
     zero_bin: float
     permutation: Int64 | None = None
@@ -145,11 +143,16 @@ class IntraPlan:
         return order_of(coarse, grid), grid
 
     def target(
-        self, planes: Mapping[Attribute, Int64], order: Int64, quantisation: Quantisation, zero_bin: float
+        self,
+        planes: Mapping[Attribute, Int64],
+        ordered: tuple[Int64, SortGrid],
+        quantisation: Quantisation,
+        zero_bin: float,
     ) -> IntraTarget:
-        """What is to be coded; `planes` in canonical order, which is `order` of the input's."""
+        """What is to be coded; `planes` in canonical order: `ordered` is what `order` gave."""
         positions = round_divide(planes[Attribute.POSITION], self.steps.steps[Attribute.POSITION])
-        return IntraTarget(planes, positions, self.cover[order], self.steps, quantisation, zero_bin)
+        cover = self.cover[ordered[0]]
+        return IntraTarget(planes, positions, cover, self.steps, ordered[1], quantisation, zero_bin)
 
 
 def steps_in_intra_frame(frame: FrameState, units: UnitExponents, rule: IntraSteps) -> dict[Attribute, Int64]:

@@ -7,15 +7,10 @@ errors, in steps, and its bits, as a Laplace distribution of the expected size h
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Float32, Float64, Int64, UInt8
 from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.trellis import CHAIN_LENGTH, num_chains
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
-Float32 = npt.NDArray[np.float32]
-UInt8 = npt.NDArray[np.uint8]
 
 #: squared steps that a bit is worth
 BIT_WORTH = 0.08
@@ -136,7 +131,7 @@ def search(residuals: Float64, contexts: UInt8, sizes: Float64) -> Int64:
     return symbols
 
 
-def _trace(total: Float32, came: npt.NDArray[np.bool_]) -> Int64:
+def _trace(total: Float32, came: Bool) -> Int64:
     """Which of the four candidates each symbol takes, (CHAIN_LENGTH, chains)."""
     length, _, chains = came.shape
     columns = np.arange(chains)

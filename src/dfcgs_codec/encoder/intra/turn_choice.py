@@ -5,17 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64, UInt8
 from dfcgs_codec.codec.intra.turns import TurnContexts, Turns, TurnWalk, pole_turns
 from dfcgs_codec.encoder.intra.trellis_search import best_path
-from dfcgs_codec.encoder.matching.canonical import AxisNames
+from dfcgs_codec.encoder.matching.canonical import AxisNames, product
 from dfcgs_codec.transform.rotation import CELLS, ONE, STEREO_ONE, multiply
 from dfcgs_codec.transform.trellis import takes_turns
-
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
-Float64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,7 +42,6 @@ class TurnChooser:
         return Turns(tilts, self._nearest(spin / self.walk.spin_steps[rows], contexts[1]), flips)
 
     def _nearest(self, real: Float64, contexts: UInt8) -> Int64:
-        """Symbols of turns (rows,), in steps."""
         if not (self.walk.alternating and takes_turns(len(real))):
             return np.rint(real).astype(np.int64)
         return best_path(real, contexts)
@@ -64,16 +59,7 @@ def _twist(turns: Float64, pole: Int64) -> Float64:
 
 
 def _times_conjugate(a: Float64, b: Float64) -> Float64:
-    """a times the conjugate of b."""
-    w, x, y, z = a.T
-    s, i, j, k = b[:, 0], -b[:, 1], -b[:, 2], -b[:, 3]
-    product = [
-        w * s - x * i - y * j - z * k,
-        w * i + x * s + y * k - z * j,
-        w * j - x * k + y * s + z * i,
-        w * k + x * j - y * i + z * s,
-    ]
-    return np.stack(product, axis=1)
+    return product(a, b * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def _unflipped(turns: Int64, pole: Int64) -> tuple[Float64, Int64]:

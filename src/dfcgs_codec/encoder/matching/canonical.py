@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Float64, Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.transform.rotation import CELLS, ONE, multiply, normalise
 
-Int64 = npt.NDArray[np.int64]
-Float32 = npt.NDArray[np.float32]
 Planes = dict[Attribute, Int64]
 
 #: rank order of the scales -> quaternion whose turn brings axis order[j] to place j
@@ -29,6 +27,19 @@ _EXCHANGES = {
     (0, 2, 1): (1, 1, 0, 0),
     (2, 1, 0): (1, 0, 1, 0),
 }
+
+
+def product(a: Float64, b: Float64) -> Float64:
+    """Products of quaternions (N, 4), w first."""
+    w, x, y, z = a.T
+    s, i, j, k = b.T
+    columns = [
+        w * s - x * i - y * j - z * k,
+        w * i + x * s + y * k - z * j,
+        w * j - x * k + y * s + z * i,
+        w * k + x * j - y * i + z * s,
+    ]
+    return np.stack(columns, axis=1)
 
 
 @dataclass(frozen=True)
@@ -69,15 +80,8 @@ class AxisNames:
         """The same for float quaternions (N, 4), made unit ones."""
         wide = rotations.astype(np.float64)
         # their length carries no meaning, and a long one would overflow float32 below
-        w, x, y, z = (wide / np.linalg.norm(wide, axis=1, keepdims=True)).T
-        s, i, j, k = self.turns.T / ONE
-        renamed = [
-            w * s - x * i - y * j - z * k,
-            w * i + x * s + y * k - z * j,
-            w * j - x * k + y * s + z * i,
-            w * k + x * j - y * i + z * s,
-        ]
-        return np.stack(renamed, axis=1).astype(np.float32)
+        unit = wide / np.linalg.norm(wide, axis=1, keepdims=True)
+        return product(unit, self.turns / ONE).astype(np.float32)
 
 
 def choose_axis_names(planes: Planes) -> AxisNames:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dfcgs_codec.encoder.matching.nearest import WEIGHTS, Float64, Int64, Pairs, UInt64, ranks, runs
+from dfcgs_codec.array_types import Float64, Int64, UInt64
+from dfcgs_codec.encoder.matching.nearest import WEIGHTS, Pairs, ranks, runs
 from dfcgs_codec.gaussians import GaussianCloud
 
 _EVERYTHING = ("position", "rotation", "scale", "opacity", "sh")
@@ -50,7 +51,6 @@ def _numbered(keys: UInt64) -> UInt64:
 
 
 def _once_in_both(before: UInt64, now: UInt64) -> Pairs:
-    """Where the keys are that either side holds exactly once."""
     keys = np.concatenate([before, now])
     order = np.argsort(keys)
     starts, lengths = runs(keys[order])

@@ -5,18 +5,37 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32, Float64, Int64
 from dfcgs_codec.encoder.frame.targets import Planes, ordered
 from dfcgs_codec.encoder.matching.canonical import AxisNames
 from dfcgs_codec.encoder.matching.matching import match
 from dfcgs_codec.gaussians import GaussianCloud
 
-Int64 = npt.NDArray[np.int64]
-Float32 = npt.NDArray[np.float32]
-
+#: Gaussians looked at
+_SAMPLE = 4096
+#: median displacement of equal indices, as part of other pairs' distance, up to which they are the same
+_TRACKED_SHARE = 0.25
 #: with fewer survivors than this share of a frame, nothing is gained over an I-frame
 _MIN_SURVIVORS = 0.3
+
+
+def is_tracked(first: GaussianCloud, other: GaussianCloud) -> bool:
+    """Whether equal indices in both frames name the same Gaussians.
+
+    They do when the counts agree and, a motion common to all taken off, Gaussians of equal index lie nearer
+    to each other than those half the sequence apart.
+    """
+    n = first.num_gaussians
+    if other.num_gaussians != n:
+        return False
+    rows = np.arange(0, n, max(1, n // _SAMPLE))
+    partner = np.roll(rows, len(rows) // 2)
+    moved = other.positions[rows].astype(np.float64) - first.positions[rows]
+    moved -= np.median(moved, axis=0)
+    apart = first.positions[rows].astype(np.float64) - first.positions[partner]
+    same, others = np.abs(moved).sum(axis=1), np.abs(apart).sum(axis=1)
+    return bool(np.median(same) <= _TRACKED_SHARE * np.median(others))
 
 
 @dataclass(frozen=True)
@@ -80,7 +99,7 @@ def same_members(members: Members) -> Succession:
 
 
 def found_members(
-    members: Members, before: GaussianCloud, now: GaussianCloud, moved: npt.NDArray[np.float64] | None
+    members: Members, before: GaussianCloud, now: GaussianCloud, moved: Float64 | None
 ) -> Succession | None:
     """Who of `members`, rows of the input frame `before`, is who in `now`; None where too few are found.
 

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.encoder.matching.descriptors import appearance, features, match_bits, spread
 from dfcgs_codec.encoder.matching.nearest import (
-    Float64,
-    Int64,
     Pairs,
     certain_pairs,
     mutual,
@@ -148,7 +147,6 @@ def _bootstrap(frames: _Frames, units: Float64) -> Pairs:
 
 
 def _there(frames: _Frames, old: Int64, units: Float64) -> Float64:
-    """Features of Gaussians of `before`, at their predicted positions."""
     return features(_predict(frames, old), frames.appearance_before[old], units)
 
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-Int64 = npt.NDArray[np.int64]
-UInt64 = npt.NDArray[np.uint64]
-Float64 = npt.NDArray[np.float64]
+from dfcgs_codec.array_types import Bool, Float64, Int64, UInt64
+
 Pairs = tuple[Int64, Int64]
 
 #: most rows in a sample, and in the one that says whether and how far to search
@@ -77,7 +75,7 @@ def next_nearest(points: Float64, rows: Int64) -> Float64:
     return distance
 
 
-def passing(nearest: Float64, following: Float64 | float) -> npt.NDArray[np.bool_]:
+def passing(nearest: Float64, following: Float64 | float) -> Bool:
     """Which pass the ratio test, by the distances of the nearest and of the next."""
     return nearest <= _RATIO * following
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Float64, Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.motion_header import MotionHeader
-from dfcgs_codec.codec.motion.compensation import Carried, GofMotion
+from dfcgs_codec.codec.frame.walk import MotionGoal
+from dfcgs_codec.codec.motion.compensation import Carried
 from dfcgs_codec.codec.motion.followers import Binding
 from dfcgs_codec.codec.motion.walk import MotionSymbols, code_motion
 from dfcgs_codec.codec.residual.classes import BLOCK_LOG2
 from dfcgs_codec.codec.state.planes import FrameState, Plane
-from dfcgs_codec.encoder.columns.streams import Streams
+from dfcgs_codec.encoder.columns.writer import SymbolWriter
 from dfcgs_codec.encoder.motion.motion_estimation import (
     Moments,
     MotionQuantiser,
@@ -23,16 +23,11 @@ from dfcgs_codec.encoder.motion.motion_estimation import (
     measure,
     trusted,
 )
-from dfcgs_codec.encoder.motion.motion_judge import MotionJudge
+from dfcgs_codec.encoder.motion.motion_judge import MotionJudge, MotionTask
 from dfcgs_codec.encoder.plan.position_grid import far_ones
 from dfcgs_codec.encoder.residual.block_classes import classify_modes
-from dfcgs_codec.encoder.residual.quantise import Planes, moved_rows
-from dfcgs_codec.model.context_model import ContextModel
+from dfcgs_codec.encoder.residual.quantise import moved_rows
 from dfcgs_codec.transform.rotation import STEREO_ONE
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 #: translations are this share of the position step, so that their rounding does not show
 TRANSLATION_SHARE = 1 / 8
@@ -44,35 +39,6 @@ _FIRST_MEASURED = 49_152
 _MOTION_SHARE = 0.6
 #: bits that a Gaussian costs which stands still, but is carried along and has to be brought back
 _BRING_BACK_BITS = 8.0
-
-
-@dataclass(frozen=True)
-class MotionTask:
-    """A frame to be moved to: the GoF's motion so far, reference, target, who `changed` (N,), the steps.
-
-    `multipliers`: by what 256ths the steps of each Gaussian are coarser, (N, 1), where they are not one;
-    `has_residual`: whether one follows, else the frame moves in any case; `model`: the frozen prior of the
-    sequence; `has_turns`: whether control points turn what they carry.
-    """
-
-    motion: GofMotion
-    reference: FrameState
-    target: Planes
-    changed: Bool
-    steps: dict[Attribute, int]
-    multipliers: Mapping[Attribute, Int64] = field(default_factory=dict)
-    has_residual: bool = True
-    model: ContextModel | None = None
-    has_turns: bool = True
-
-
-@dataclass(frozen=True)
-class MotionTrial:
-    """A frame's motion as it would be coded."""
-
-    header: MotionHeader
-    symbols: MotionSymbols
-    carried: Carried
 
 
 @dataclass(frozen=True)
@@ -98,16 +64,10 @@ def motion_steps(task: MotionTask) -> tuple[int, int]:
 
 
 def _control_bytes(task: MotionTask, header: MotionHeader, control: Int64) -> int:
-    """Bytes of the control points' symbols."""
-    streams, motion = Streams(), task.motion
-    symbols = replace(motion.symbols, control=control)
-    code_motion(
-        streams.next,
-        symbols,
-        motion.symbols,
-        motion.shape(header, task.model),
-    )
-    return len(streams.finish()[1])
+    motion, writers = task.motion, [SymbolWriter(), SymbolWriter()]
+    symbols, shape = replace(motion.symbols, control=control), motion.shape(header, task.model)
+    code_motion(iter(writers).__next__, symbols, motion.symbols, shape)
+    return len(writers[1].getvalue())
 
 
 class _Search:
@@ -115,15 +75,7 @@ class _Search:
 
     def __init__(self, task: MotionTask) -> None:
         self._task = task
-        self._judge = MotionJudge(
-            task.motion,
-            task.reference,
-            task.target,
-            task.changed,
-            task.steps,
-            task.multipliers,
-            has_residual=task.has_residual,
-        )
+        self._judge = MotionJudge(task)
         self._moments = self._measure()
         self.rest = self._judge.bits(None, is_rigid=False)
 
@@ -164,7 +116,7 @@ class _Search:
         return [self.attempt(MotionHeader(step, turn_step)) for turn_step in (turn, 0)]
 
 
-def choose_motion(task: MotionTask) -> MotionTrial | None:
+def choose_motion(task: MotionTask) -> MotionGoal | None:
     """The motion that saves most bits, or None where none does; somebody must have changed."""
     search = _Search(task)
     best = min(search.candidates(), key=lambda candidate: candidate.bits)
@@ -174,7 +126,7 @@ def choose_motion(task: MotionTask) -> MotionTrial | None:
     carried = task.motion.carry(best.header, _symbols(task, best.control, everyone), task.reference)
     follows = _followers(task, carried)
     symbols = _symbols(task, best.control, follows)
-    return MotionTrial(best.header, symbols, _only(carried, follows, task.reference))
+    return MotionGoal(best.header, symbols, _only(carried, follows, task.reference))
 
 
 def _only(carried: Carried, follows: Bool, reference: FrameState) -> Carried:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import csc_array
 
+from dfcgs_codec.array_types import Float64, Int64
 from dfcgs_codec.bitstream.constants import STATE_LIMIT
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.codec.motion.field import MotionField
@@ -16,9 +16,6 @@ from dfcgs_codec.transform.control_points import GATHER_WEIGHT_BITS
 from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rigid import RigidMotion, displacements
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, from_stereo, to_stereo
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 #: a control point that carries less than this many Gaussians has no motion of its own
 _MIN_SUPPORT = 3.0

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Float64, Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.codec.motion.compensation import GofMotion, turned
 from dfcgs_codec.codec.state.planes import FrameState
 from dfcgs_codec.encoder.motion.motion_estimation import chosen_moves
 from dfcgs_codec.encoder.residual.quantise import Planes, relative_rotation
+from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.rigid import RigidMotion
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
-Bool = npt.NDArray[np.bool_]
 
 #: Gaussians that are looked at
 _SAMPLE = 6144
@@ -51,27 +49,38 @@ def lasting_bits(errors: Float64) -> float:
     return float(_ERROR_BITS * (size * size).sum())
 
 
+@dataclass(frozen=True)
+class MotionTask:
+    """A frame to be moved to: the GoF's motion so far, reference, target, who `changed` (N,), the steps.
+
+    `multipliers`: by what 256ths the steps of each Gaussian are coarser, (N, 1), where they are not one;
+    `has_residual`: whether one follows, else the frame moves in any case; `model`: the frozen prior of the
+    sequence; `has_turns`: whether control points turn what they carry.
+    """
+
+    motion: GofMotion
+    reference: FrameState
+    target: Planes
+    changed: Bool
+    steps: dict[Attribute, int]
+    multipliers: Mapping[Attribute, Int64] = field(default_factory=dict)
+    has_residual: bool = True
+    model: ContextModel | None = None
+    has_turns: bool = True
+
+
 class MotionJudge:
     """Positions and rotations of the Gaussians that changed, against where motions would bring them."""
 
-    def __init__(
-        self,
-        motion: GofMotion,
-        reference: FrameState,
-        target: Planes,
-        changed: Bool,
-        steps: dict[Attribute, int],
-        multipliers: Mapping[Attribute, Int64],
-        *,
-        has_residual: bool = True,
-    ) -> None:
-        rows = np.flatnonzero(changed)
+    def __init__(self, task: MotionTask) -> None:
+        reference, target, multipliers = task.reference, task.target, task.multipliers
+        rows = np.flatnonzero(task.changed)
         sample = rows[:: max(1, len(rows) // _SAMPLE)]
         self._scale = len(rows) / len(sample)
-        self._cost = residual_bits if has_residual else lasting_bits
-        self._binding = motion.binding.of_rows(sample)
+        self._cost = residual_bits if task.has_residual else lasting_bits
+        self._binding = task.motion.binding.of_rows(sample)
         self._steps = {
-            a: steps[a] * (multipliers[a][sample] / 256.0 if a in multipliers else np.ones((1, 1)))
+            a: task.steps[a] * (multipliers[a][sample] / 256.0 if a in multipliers else np.ones((1, 1)))
             for a in (Attribute.POSITION, Attribute.ROTATION)
         }
         self._positions = reference.planes[Attribute.POSITION].values[sample].T.astype(np.float64)

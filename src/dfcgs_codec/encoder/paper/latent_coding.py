@@ -1,36 +1,32 @@
-"""P-frames of profile `paper`: motion of control points through the network (spec section 16)."""
+"""P-frames of profile `paper`: motion of control points through the network (spec annex B)."""
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float64, Int64, Integers
 from dfcgs_codec.bitstream.constants import (
     MAX_DECAY_EXPONENT,
     ROTATION_FRACTION_BITS,
     Attribute,
-    ChunkType,
     Tool,
 )
-from dfcgs_codec.bitstream.container import write_chunk
 from dfcgs_codec.bitstream.frame_headers import InterHeader
-from dfcgs_codec.bitstream.io import ByteWriter
 from dfcgs_codec.bitstream.motion_header import LatentHeader, SpreadHeader
 from dfcgs_codec.codec.frame.gof_state import GofState
-from dfcgs_codec.codec.paper.latent_motion import LatentReference, code_hyper, code_latents
+from dfcgs_codec.codec.frame.walk import code_inter_header
+from dfcgs_codec.codec.paper.latent_motion import LatentReference
+from dfcgs_codec.codec.paper.walk import LatentGoal, code_latent_motion
 from dfcgs_codec.codec.residual.classes import InterSymbols
 from dfcgs_codec.codec.state.planes import SH_BANDS, FrameState
-from dfcgs_codec.encoder.columns.writer import SymbolWriter
+from dfcgs_codec.encoder.frame.chunk_writer import FrameWriter
 from dfcgs_codec.encoder.frame.frame_coding import CodedFrame
 from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.encoder.plan.tuning import RefinementMode
 from dfcgs_codec.encoder.residual.quantise import Planes
-from dfcgs_codec.model.latent_model import LATENT_BITS, LatentModel, latents_of
+from dfcgs_codec.model.latent_model import LATENT_BITS, LatentModel
 from dfcgs_codec.model.layers import ACTIVATION_LIMIT
 from dfcgs_codec.transform.normalisation import NORMAL_BITS
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 #: octaves of FreqEnc, and fraction bits of its sines
 _OCTAVES = 12
@@ -55,7 +51,7 @@ def frequency_encoding(values: Float64) -> Int64:
     return encoded.astype(np.int64)
 
 
-def _aligned(target: Int64, reference: npt.NDArray[np.integer]) -> Int64:
+def _aligned(target: Int64, reference: Integers) -> Int64:
     """Quaternions (N, 4) with the signs that bring them next to those of the reference."""
     # q and -q are the same rotation
     opposite = (target.astype(np.float64) * reference).sum(axis=1, keepdims=True) < 0
@@ -75,25 +71,29 @@ class LatentCoder:
         that is as it was `before` is repeated.
         """
         reference = LatentReference(self._model, state, self._plan.header.unit_exponents)
-        frame, chunks, tools = state.frame, b"", set()
+        frame, tools, writer = state.frame, set(), self._writer(index, state)
         has_moved = any((target[a] != before[a]).any() for a in CARRIED)
         if has_moved:
-            moved, data = self._moved(index, target, reference, state)
+            moved = code_latent_motion(writer, self._goal(target, reference, state), reference)
             if self._leads_nearer(target, moved, state):
-                frame, chunks = moved, data
+                frame = moved
                 tools.add(Tool.LATENT)
+            else:
+                writer = self._writer(index, state)
         refined = self._refined(target, frame, reference, state) if has_moved else frame
         if refined is not frame:
             frame = refined
             tools.add(Tool.REFINEMENT)
+        writer.header = InterHeader(b"", frozenset(tools), {})
         after = state.after(frame.on_grid() if tools else frame, InterSymbols(), None)
-        writer = ByteWriter()
-        InterHeader(after.frame.hash(), frozenset(tools), {}).write(writer)
-        data = write_chunk(ChunkType.INTER_FRAME, index, writer.getvalue()) + chunks
-        return CodedFrame(data, "P" if tools else "skip", after)
+        return CodedFrame.of(writer, after)
+
+    def _writer(self, index: int, state: GofState) -> FrameWriter:
+        writer = self._plan.writer(index)
+        code_inter_header(writer, InterHeader(b"", frozenset(), {}), state)
+        return writer
 
     def _features(self, planes: Planes, reference: LatentReference) -> Int64:
-        """MLP(FreqEnc(x)) (n, 32) of positions and rotations."""
         normal = reference.normalisation.of_positions(planes[Attribute.POSITION])
         positions = frequency_encoding(normal / float(1 << NORMAL_BITS))
         rotations = frequency_encoding(planes[Attribute.ROTATION] / float(1 << ROTATION_FRACTION_BITS))
@@ -113,33 +113,18 @@ class LatentCoder:
             networks["converter"](np.clip(difference, -ACTIVATION_LIMIT, ACTIVATION_LIMIT))
         )
 
-    def _moved(
-        self, index: int, target: Planes, reference: LatentReference, state: GofState
-    ) -> tuple[FrameState, bytes]:
-        """The frame that motion leads to, and its chunks."""
-        rows, step_log2 = reference.rows, self._plan.options.tuning.latent_step_log2
-        header = LatentHeader(len(rows), step_log2, self._spread(reference))
-        latents = self._latents(target, reference, state)
-        hyper, chunks = None, b""
+    def _goal(self, target: Planes, reference: LatentReference, state: GofState) -> LatentGoal:
+        step_log2 = self._plan.options.tuning.latent_step_log2
+        header = LatentHeader(len(reference.rows), step_log2, self._spread(reference))
+        latents, hyper = self._latents(target, reference, state), None
         if self._model.has_hyperprior:
             expected = self._model.networks["hyper_analysis"](latents)
             hyper = (expected + (1 << (LATENT_BITS - 1))) >> LATENT_BITS
-            coder = SymbolWriter()
-            code_hyper(coder, hyper, self._model, len(rows))
-            chunks = write_chunk(ChunkType.HYPERPRIOR, index, coder.getvalue())
-        mean, indices = self._model.distribution(hyper, reference.prior(rows), step_log2)
-        bits = LATENT_BITS + step_log2
-        symbols = (latents - mean + (1 << (bits - 1))) >> bits
-        writer, coder = ByteWriter(), SymbolWriter()
-        header.write(writer)
-        code_latents(coder, symbols, indices)
-        writer.raw(coder.getvalue())
-        chunks += write_chunk(ChunkType.MOTION, index, writer.getvalue())
-        return reference.moved(header, latents_of(symbols, mean, step_log2)), chunks
+        return LatentGoal(header, latents, hyper)
 
     def _spread(self, reference: LatentReference) -> SpreadHeader:
         """Motion fades by e over one normalised unit: a network that sees these cannot know others."""
-        exponent = self._plan.gof_setup.control.shift - reference.normalisation.exponent
+        exponent = self._plan.control.shift - reference.normalisation.exponent
         limited = min(max(exponent, -MAX_DECAY_EXPONENT), MAX_DECAY_EXPONENT)
         return SpreadHeader(self._plan.options.tuning.num_neighbours, limited)
 

@@ -15,7 +15,6 @@ from queue import SimpleQueue
 from typing import Any
 
 from dfcgs_codec.encoder.frame.reference import CodedSegment
-from dfcgs_codec.encoder.parallel.messages import Refused, Setup
 from dfcgs_codec.encoder.parallel.process import Worker, WorkerEnded, interpreter
 from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.errors import InputError
@@ -38,7 +37,6 @@ class _Lost(Exception):
 
 
 def _start(jobs: int) -> list[Worker]:
-    """As many workers as the system lets start, at most `jobs`."""
     python = interpreter()
     if python is None:
         raise NoWorkers("this program has no Python interpreter beside it to start processes with")
@@ -74,23 +72,22 @@ def _set_up(
             raise NoWorkers(f"processes end as they start ({error})") from None
 
     for answer in list(threads.map(ask, workers, segments)):
-        if isinstance(answer, Refused):
+        if answer is not None:
             raise NoWorkers(
-                f"other processes cannot load what reads the frames ({answer.reason}); its class must be in "
+                f"other processes cannot load what reads the frames ({answer}); its class must be in "
                 "a module that they can import"
             )
 
 
 def _pickled(source: FrameSource, plan: SequencePlan) -> bytes:
     try:
-        return pickle.dumps(Setup(source, plan), pickle.HIGHEST_PROTOCOL)
+        return pickle.dumps((source, plan), pickle.HIGHEST_PROTOCOL)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         raise NoWorkers(f"what reads the frames cannot be sent to other processes ({reason})") from None
 
 
 def _first_result(waiting: deque[Future[CodedSegment]]) -> CodedSegment:
-    """The result of the first; an exception of any of them at once."""
     while not waiting[0].done():
         done, _ = wait([future for future in waiting if not future.done()], return_when=FIRST_COMPLETED)
         for future in done:

@@ -1,10 +1,15 @@
-"""The encoder's end of a worker process."""
+"""The encoder's end of a worker process, and what goes between: pickles, one after the other, over two pipes.
+
+encoder -> worker   source and plan as pickled bytes, then segments (first frame, end), and None at the end
+worker -> encoder   why it cannot load them, or None; then for each segment a CodedSegment or the exception
+"""
 
 from __future__ import annotations
 
 import json
 import multiprocessing.spawn
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -13,14 +18,29 @@ from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO
 
 from dfcgs_codec.encoder.frame.reference import CodedSegment
-from dfcgs_codec.encoder.parallel.messages import BLAS_VARIABLES, receive, send
 
+#: variables that say how many threads numpy's BLAS uses; more than one each would fight over the cores
+BLAS_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 #: the worker finds what this process can import, and runs nothing of its main module
 _BOOT = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from dfcgs_codec.encoder.parallel.worker import main; main(int(sys.argv[2]))"
 )
 _SECONDS_TO_END = 5
+
+
+def send(file: BinaryIO, message: Any) -> None:
+    """One message; OSError where the other side is gone."""
+    pickle.dump(message, file, pickle.HIGHEST_PROTOCOL)
+    file.flush()
+
+
+def receive(file: BinaryIO) -> Any:
+    """The next message; EOFError where the other side is gone, be it in the middle of one."""
+    try:
+        return pickle.load(file)
+    except (pickle.UnpicklingError, OSError) as error:
+        raise EOFError(str(error)) from error
 
 
 def interpreter() -> str | None:

@@ -13,7 +13,7 @@ from contextlib import suppress
 from typing import Any, BinaryIO
 
 from dfcgs_codec.encoder.frame.segment import SegmentEncoder
-from dfcgs_codec.encoder.parallel.messages import Ready, Refused, Setup, portable, receive, send
+from dfcgs_codec.encoder.parallel.process import receive, send
 from dfcgs_codec.errors import DfcgsError
 
 #: those of a terminal reach all its processes: they are the encoder's to handle, it ends its workers
@@ -54,21 +54,17 @@ def _watch(parent: int) -> None:
     os._exit(1)
 
 
-def _setup(data: bytes) -> SegmentEncoder | Refused:
-    try:
-        setup: Setup = pickle.loads(data)
-    except Exception as error:
-        return Refused(f"{type(error).__name__}: {error}")
-    return SegmentEncoder(setup.source, setup.plan)
-
-
 def _coded(encoder: SegmentEncoder, segment: tuple[int, int]) -> Any:
     try:
         return encoder.encode(*segment)
     except BaseException as error:
         if not isinstance(error, DfcgsError):
             error.add_note(f"in a worker process:\n{traceback.format_exc()}")
-        return portable(error)
+        try:
+            pickle.loads(pickle.dumps(error))
+        except Exception:
+            return RuntimeError(f"{type(error).__name__}: {error}")
+        return error
 
 
 def main(parent: int) -> None:
@@ -88,10 +84,12 @@ def main(parent: int) -> None:
 
 
 def _serve(sink: BinaryIO, messages: queue.SimpleQueue[Any]) -> None:
-    encoder = _setup(messages.get())
-    if isinstance(encoder, Refused):
-        send(sink, encoder)
+    try:
+        source, plan = pickle.loads(messages.get())
+    except Exception as error:
+        send(sink, f"{type(error).__name__}: {error}")
         return
-    send(sink, Ready())
+    encoder = SegmentEncoder(source, plan)
+    send(sink, None)
     while (segment := messages.get()) is not None:
         send(sink, _coded(encoder, segment))

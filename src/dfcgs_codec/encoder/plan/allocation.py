@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.codec.state.planes import FrameState, Plane
@@ -20,9 +20,6 @@ from dfcgs_codec.encoder.intra.trellis_search import ALTERNATING_ERROR
 from dfcgs_codec.encoder.matching.canonical import AxisNames, choose_axis_names
 from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.encoder.residual.quantise import Planes
-
-Int64 = npt.NDArray[np.int64]
-Float64 = npt.NDArray[np.float64]
 
 #: share of what the first frame says that is believed of P-frames: errors there are not larger than what
 #: changes, and nobody knows yet what will
@@ -127,7 +124,6 @@ def _wide(state: FrameState) -> dict[Attribute, Int64]:
 
 
 def _in_intra_frames(state: FrameState, plan: SequencePlan, rule: IntraSteps) -> Quantised:
-    """The Gaussians of `state` as I-frames quantise them."""
     units = plan.quantisation.units
     steps = steps_in_intra_frame(state, units, rule)
     real = {attribute: step.astype(np.float64) for attribute, step in steps.items()}
@@ -136,7 +132,6 @@ def _in_intra_frames(state: FrameState, plan: SequencePlan, rule: IntraSteps) ->
 
 
 def _in_inter_frames(state: FrameState, plan: SequencePlan) -> Quantised:
-    """As P-frames quantise what changes."""
     quantisation = plan.quantisation
     visibility = Visibility(state, quantisation.units)
     coarser = visibility.all_multipliers(inter_levels(visibility, state.planes, quantisation.bounded))

@@ -7,13 +7,12 @@ InputError that names the field, what was found and what was expected. Ranges ar
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
 from fractions import Fraction
 from typing import Any, Generic, TypeVar
 
-from dfcgs_codec.arguments import AnyPath, rate, real, refusal, switch, whole
+from dfcgs_codec.arguments import AnyPath, rate, real, refusal, whole
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.views.camera import Views
 from dfcgs_codec.views.read import read_views
@@ -23,18 +22,11 @@ _Given = TypeVar("_Given")
 _Named = TypeVar("_Named", bound=Enum)
 
 
-def all_cores() -> int:
-    """Processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+class OptionField(Generic[_Held, _Given]):
+    """A field with a default; `convert` makes what is held of its name and of what it is given."""
 
-
-class OptionField(ABC, Generic[_Held, _Given]):
-    """A field that converts what it is given; the class holds the default."""
-
-    def __init__(self, default: _Held) -> None:
-        self._default = default
+    def __init__(self, default: _Held, convert: Callable[[str, Any], _Held]) -> None:
+        self._default, self._convert = default, convert
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._key, self._name = name, f"{owner.__name__}.{name}"
@@ -46,116 +38,78 @@ class OptionField(ABC, Generic[_Held, _Given]):
         return held
 
     def __set__(self, instance: object, value: _Given) -> None:
-        instance.__dict__[self._key] = self._convert(value)
-
-    @abstractmethod
-    def _convert(self, value: Any) -> _Held:
-        """What is held of `value`; InputError for what does not fit."""
+        instance.__dict__[self._key] = self._convert(self._name, value)
 
 
-class Switch(OptionField[bool, bool]):
-    """True or False, also numpy's; no other value counts as either."""
-
-    def _convert(self, value: Any) -> bool:
-        return switch(self._name, value)
-
-
-class Real(OptionField[float, float]):
-    """A number."""
-
-    def _convert(self, value: Any) -> float:
-        return real(self._name, value)
+Switch = OptionField[bool, bool]
+Real = OptionField[float, float]
+Whole = OptionField[int, int]
+Choice = OptionField[_Named, _Named | str]
 
 
-class NamedReal(OptionField[float, float | str]):
-    """A number, or the name of one."""
-
-    def __init__(self, default: float, names: Mapping[str, float]) -> None:
-        super().__init__(default)
-        self._names = names
-
-    def _convert(self, value: Any) -> float:
-        if isinstance(value, str) and value.lower() in self._names:
-            return float(self._names[value.lower()])
-        return real(self._name, value, f"a number or one of {_quoted(self._names)}")
+def all_cores() -> int:
+    """Processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
-class RealOrNone(OptionField[float | None, float | None]):
-    """A number; None leaves the choice to the encoder. `hint`: what is said to whoever gives no number."""
+def real_or_name(names: Mapping[str, float]) -> Callable[[str, Any], float]:
+    """Takes a number, or the name of one."""
 
-    def __init__(self, default: float | None, hint: str) -> None:
-        super().__init__(default)
-        self._expected = f"a number, or None ({hint})"
+    def convert(name: str, value: Any) -> float:
+        if isinstance(value, str) and value.lower() in names:
+            return float(names[value.lower()])
+        return real(name, value, f"a number or one of {_quoted(names)}")
 
-    def _convert(self, value: Any) -> float | None:
-        return None if value is None else real(self._name, value, self._expected)
-
-
-class Whole(OptionField[int, int]):
-    """A whole number."""
-
-    def _convert(self, value: Any) -> int:
-        return whole(self._name, value)
+    return convert
 
 
-class WholeOrAuto(OptionField[int | None, int | str | None]):
-    """A whole number; None or "auto" leaves the choice to the encoder."""
+def choice(default: _Named) -> Choice[_Named]:
+    """A field that takes a member of an enumeration, or its name in small letters."""
+    kind = type(default)
+    names = {member.name.lower(): member for member in kind}
 
-    def _convert(self, value: Any) -> int | None:
-        if value is None or (isinstance(value, str) and value.lower() == "auto"):
-            return None
-        return whole(self._name, value, 'a whole number, or "auto" or None')
-
-
-class Processes(OptionField[int, int | None]):
-    """A number of processes; None is one for each core."""
-
-    def _convert(self, value: Any) -> int:
-        return (
-            all_cores() if value is None else whole(self._name, value, "a whole number, or None: all cores")
-        )
-
-
-class Rate(OptionField[Fraction, Fraction | float | str]):
-    """Frames per second."""
-
-    def _convert(self, value: Any) -> Fraction:
-        try:
-            return rate(value)
-        except (ValueError, InputError):
-            expected = 'a frame rate such as 30, 29.97, "30000/1001" or a Fraction'
-            raise refusal(self._name, value, expected) from None
-
-
-class Text(OptionField[str | None, str | None]):
-    """A text or None."""
-
-    def _convert(self, value: Any) -> str | None:
-        if value is not None and not isinstance(value, str):
-            raise refusal(self._name, value, "a text or None")
-        return value
-
-
-class Cameras(OptionField[Views | None, Views | AnyPath | None]):
-    """Views, the path of a file or a folder of cameras, which is read at once, or None."""
-
-    def _convert(self, value: Any) -> Views | None:
-        return value if value is None or isinstance(value, Views) else read_views(value)
-
-
-class Choice(OptionField[_Named, _Named | str]):
-    """A member of an enumeration, or its name in small letters."""
-
-    def __init__(self, default: _Named) -> None:
-        super().__init__(default)
-        self._names = {member.name.lower(): member for member in type(default)}
-
-    def _convert(self, value: Any) -> _Named:
-        if isinstance(value, type(self._default)):
+    def convert(name: str, value: Any) -> _Named:
+        if isinstance(value, kind):
             return value
-        if isinstance(value, str) and value.lower() in self._names:
-            return self._names[value.lower()]
-        raise refusal(self._name, value, f"one of {_quoted(self._names)}")
+        if isinstance(value, str) and value.lower() in names:
+            return names[value.lower()]
+        raise refusal(name, value, f"one of {_quoted(names)}")
+
+    return OptionField(default, convert)
+
+
+def qp_or_none(name: str, value: Any) -> float | None:
+    """Takes a number; None leaves the choice to the encoder."""
+    expected = 'a number, or None (a quality has its own option: quality="high")'
+    return None if value is None else real(name, value, expected)
+
+
+def whole_or_auto(name: str, value: Any) -> int | None:
+    """Takes a whole number; None or "auto" leaves the choice to the encoder."""
+    if value is None or (isinstance(value, str) and value.lower() == "auto"):
+        return None
+    return whole(name, value, 'a whole number, or "auto" or None')
+
+
+def processes(name: str, value: Any) -> int:
+    """Takes a number of processes; None is one for each core."""
+    return all_cores() if value is None else whole(name, value, "a whole number, or None: all cores")
+
+
+def frame_rate(name: str, value: Any) -> Fraction:
+    """Takes frames per second."""
+    try:
+        return rate(value)
+    except (ValueError, InputError):
+        expected = 'a frame rate such as 30, 29.97, "30000/1001" or a Fraction'
+        raise refusal(name, value, expected) from None
+
+
+def cameras(name: str, value: Views | AnyPath | None) -> Views | None:
+    """Takes Views, the path of a file or a folder of cameras, which is read at once, or None."""
+    return value if value is None or isinstance(value, Views) else read_views(value)
 
 
 def _quoted(names: Mapping[str, Any]) -> str:

@@ -10,24 +10,26 @@ from fractions import Fraction
 from typing import Any
 
 from dfcgs_codec._version import __version__
-from dfcgs_codec.arguments import refusal
+from dfcgs_codec.arguments import AnyPath, real, refusal, switch
 from dfcgs_codec.bitstream.constants import IntraKind, OutputOrder, Profile
 from dfcgs_codec.encoder.plan.option_fields import (
-    Cameras,
     Choice,
-    NamedReal,
     OptionField,
-    Processes,
-    Rate,
     Real,
-    RealOrNone,
     Switch,
-    WholeOrAuto,
+    cameras,
+    choice,
+    frame_rate,
+    processes,
+    qp_or_none,
+    real_or_name,
+    whole_or_auto,
 )
 from dfcgs_codec.encoder.plan.quantiser_steps import MAX_PSNR, MAX_QP, MIN_PSNR, MIN_QP, QUALITIES, Bound
 from dfcgs_codec.encoder.plan.tuning import EncoderTuning
 from dfcgs_codec.errors import InputError
 from dfcgs_codec.model.registry import DEFAULT_MODEL, DEFAULT_PRIOR
+from dfcgs_codec.views.camera import Views
 from dfcgs_codec.views.region import DEFAULT_MARGIN
 
 MAX_GOF_SIZE = 1 << 16
@@ -39,21 +41,26 @@ _MAX_RATE_TERM = 1 << 32
 _MAX_VIEWS_MARGIN = 10
 
 
-class Bounds(
-    OptionField[tuple[Bound, ...], Mapping[str, float] | Iterable[Bound | tuple[str, float]] | None]
-):
-    """Largest errors: `{"position": 0.001}`, `[Bound("position", 0.001)]`, pairs, or None."""
+#: `{"position": 0.001}`, `[Bound("position", 0.001)]`, pairs, or None
+AnyBounds = Mapping[str, float] | Iterable[Bound | tuple[str, float]] | None
 
-    def _convert(self, value: Any) -> tuple[Bound, ...]:
-        if isinstance(value, Bound):
-            return (value,)
-        if value is None:
-            return ()
-        items = value.items() if isinstance(value, Mapping) else value
-        try:
-            return tuple(item if isinstance(item, Bound) else Bound(*item) for item in items)
-        except TypeError:
-            raise refusal(self._name, value, 'a mapping such as {"position": 0.001}') from None
+
+def _bounds(name: str, value: Any) -> tuple[Bound, ...]:
+    if isinstance(value, Bound):
+        return (value,)
+    if value is None:
+        return ()
+    items = value.items() if isinstance(value, Mapping) else value
+    try:
+        return tuple(item if isinstance(item, Bound) else Bound(*item) for item in items)
+    except TypeError:
+        raise refusal(name, value, 'a mapping such as {"position": 0.001}') from None
+
+
+def _tuning(name: str, value: Any) -> EncoderTuning:
+    if not isinstance(value, EncoderTuning):
+        raise refusal(name, value, "EncoderTuning(...)")
+    return value
 
 
 #: of `EncoderTuning`, what one profile alone heeds
@@ -61,15 +68,6 @@ _TUNED_IN = {
     Profile.MAIN: ("motion", "turns", "visibility", "balance", "exact"),
     Profile.PAPER: ("num_neighbours", "latent_step", "refinement"),
 }
-
-
-class Tuned(OptionField[EncoderTuning, EncoderTuning]):
-    """Switches for experiments."""
-
-    def _convert(self, value: Any) -> EncoderTuning:
-        if not isinstance(value, EncoderTuning):
-            raise refusal(self._name, value, "EncoderTuning(...)")
-        return value
 
 
 @dataclass(frozen=True)
@@ -80,46 +78,48 @@ class EncoderOptions:
     (`order="input"`, `profile="paper"`), or members of their enumerations.
     """
 
-    quality: NamedReal = NamedReal(QUALITIES["medium"], QUALITIES | {"lossless": math.inf})
+    quality: OptionField[float, float | str] = OptionField(
+        QUALITIES["medium"], real_or_name(QUALITIES | {"lossless": math.inf})
+    )
     """PSNR of images in dB, 15 to 70, or "low", "medium", "high" or "transparent" (32, 37, 42 and 50 dB): the
     encoder estimates it and chooses the QP. "lossless", held as infinity: every frame is an I-frame with the
     float32 values of the input."""
 
-    qp: RealOrNone = RealOrNone(None, 'a quality has its own option: quality="high"')
+    qp: OptionField[float | None, float | None] = OptionField(None, qp_or_none)
     """The quantiser in place of a quality, 0 (finest) to 51: the step doubles every 6. None: as the quality
     needs it."""
 
-    bounds: Bounds = Bounds(())
+    bounds: OptionField[tuple[Bound, ...], AnyBounds] = OptionField((), _bounds)
     """Largest errors that are guaranteed: `{"position": 0.001}`. They replace the steps of their
     attributes."""
 
-    views: Cameras = Cameras(None)
+    views: OptionField[Views | None, Views | AnyPath | None] = OptionField(None, cameras)
     """The cameras between which viewers stand, as Views or the path of a `cameras.json`, a `transforms.json`
     or a folder of COLMAP. None, the default, is none: only the command line looks for them by itself."""
 
-    views_margin: Real = Real(DEFAULT_MARGIN)
+    views_margin: Real = Real(DEFAULT_MARGIN, real)
     """How far outside the cameras viewers stand, as a share of the distance between cameras."""
 
-    keep_unseen: Switch = Switch(False)
+    keep_unseen: Switch = Switch(False, switch)
     """Keep what no such viewer sees, in coarser steps, instead of leaving it out."""
 
-    gof_size: WholeOrAuto = WholeOrAuto(None)
+    gof_size: OptionField[int | None, int | str | None] = OptionField(None, whole_or_auto)
     """Frames from one I-frame to the next, at most. None: the encoder chooses, 60 at most; 10 in profile
     PAPER; 1 where the quality is "lossless"."""
 
-    frame_rate: Rate = Rate(Fraction(30))
+    frame_rate: OptionField[Fraction, Fraction | float | str] = OptionField(Fraction(30), frame_rate)
     """Frames per second to write into the file: 30, 29.97, "30000/1001" or a Fraction."""
 
-    order: Choice[OutputOrder] = Choice(OutputOrder.SEQUENCE)
+    order: Choice[OutputOrder] = choice(OutputOrder.SEQUENCE)
     """Order of decoded Gaussians: "sequence", the same in all frames; "input", the input's; "free", any."""
 
-    profile: Choice[Profile] = Choice(Profile.MAIN)
+    profile: Choice[Profile] = choice(Profile.MAIN)
     """"paper": P-frames as D-FCGS was published, motion by a network and nothing else, for comparison."""
 
-    jobs: Processes = Processes(1)
+    jobs: OptionField[int, int | None] = OptionField(1, processes)
     """Processes; None: one for each core."""
 
-    tuning: Tuned = Tuned(EncoderTuning())
+    tuning: OptionField[EncoderTuning, EncoderTuning] = OptionField(EncoderTuning(), _tuning)
     """Switches for experiments."""
 
     def __post_init__(self) -> None:

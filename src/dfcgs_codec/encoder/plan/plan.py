@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from dfcgs_codec.bitstream.constants import Attribute, Profile
 from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
-from dfcgs_codec.codec.frame.gof_state import GofSetup
+from dfcgs_codec.encoder.frame.chunk_writer import FrameWriter
 from dfcgs_codec.encoder.images.shown import Region, Seen
 from dfcgs_codec.encoder.plan.options import EncoderOptions
 from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
-from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.model.registry import context_model
 
 
@@ -59,15 +58,12 @@ class SequencePlan:
         return self.quantisation.steps
 
     @property
-    def gof_setup(self) -> GofSetup:
-        """Units, and how control points are chosen: a cell is about as wide as a position step."""
+    def control(self) -> ControlHeader:
+        """How control points are chosen: a cell is about as wide as a position step."""
         shift = self.steps[Attribute.POSITION].bit_length() - 1
-        control = ControlHeader(self.options.tuning.control_spacing, shift)
-        return GofSetup(control, self.quantisation.units, self.context_model)
+        return ControlHeader(self.options.tuning.control_spacing, shift)
 
-    @property
-    def context_model(self) -> ContextModel | None:
-        """The frozen prior of profile MAIN."""
-        if self.header.profile != Profile.MAIN:
-            return None
-        return context_model(self.header.model_id)
+    def writer(self, frame_index: int) -> FrameWriter:
+        """For the chunks of a frame, with the frozen prior of profile MAIN."""
+        is_main = self.header.profile == Profile.MAIN
+        return FrameWriter(self.header, context_model(self.header.model_id) if is_main else None, frame_index)

@@ -6,13 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import AnyArray, Bool, Float64, Floats
 from dfcgs_codec.bitstream.constants import MAX_ORIGIN
 from dfcgs_codec.errors import InputError
-
-Floats = npt.NDArray[np.floating]
-Float64 = npt.NDArray[np.float64]
 
 #: log2 of the grid units to a step, so that the grid's own rounding hardly counts
 UNITS_PER_STEP_LOG2 = 6
@@ -54,7 +51,7 @@ def _reach(distances: Float64, few: int) -> float:
     return float(np.partition(distances, last)[last])
 
 
-def _none_is_far(some: npt.NDArray[np.number], positions: npt.NDArray[np.number]) -> bool:
+def _none_is_far(some: AnyArray, positions: AnyArray) -> bool:
     """Whether a sample tells already: what is large in it is as large in all."""
     middle = np.median(some, axis=0)
     reach = _reach(np.abs(some - middle).max(axis=1), _FAR_ONES)
@@ -62,7 +59,7 @@ def _none_is_far(some: npt.NDArray[np.number], positions: npt.NDArray[np.number]
     return bool(np.maximum(high - middle, middle - low).max() <= _TIMES_AS_FAR * reach)
 
 
-def far_ones(positions: npt.NDArray[np.number]) -> npt.NDArray[np.bool_]:
+def far_ones(positions: AnyArray) -> Bool:
     """Which of `positions` (N, 3) lie apart from all others: one or two that are several times as far out."""
     count = len(positions)
     if count <= _TENTH or _none_is_far(positions[:: max(1, count // _SAMPLE)], positions):
@@ -70,7 +67,7 @@ def far_ones(positions: npt.NDArray[np.number]) -> npt.NDArray[np.bool_]:
     distances = np.abs(positions - np.median(positions, axis=0)).max(axis=1)
     reach = _reach(distances, _FAR_ONES)
     # where all others are at one point, nothing is several times as far out
-    far: npt.NDArray[np.bool_] = distances > (_TIMES_AS_FAR * reach if reach else np.inf)
+    far: Bool = distances > (_TIMES_AS_FAR * reach if reach else np.inf)
     return far
 
 

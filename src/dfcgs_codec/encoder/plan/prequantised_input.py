@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Float32
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, Attribute
 from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation, exponents_of
 from dfcgs_codec.gaussians import GaussianCloud
@@ -32,7 +32,7 @@ _LEAST_OCTAVES = -1.5
 
 
 @np.errstate(over="ignore")
-def lattice_log2(values: npt.NDArray[np.float32]) -> int | None:
+def lattice_log2(values: Float32) -> int | None:
     """log2, 0 to -12, of the largest power of two that nearly all `values` are multiples of, or None."""
     if np.count_nonzero(values) < _NOT_ZERO * values.size:
         return None
@@ -47,7 +47,7 @@ def lattice_log2(values: npt.NDArray[np.float32]) -> int | None:
     return None
 
 
-def _arrays(cloud: GaussianCloud) -> dict[Attribute, npt.NDArray[np.float32]]:
+def _arrays(cloud: GaussianCloud) -> dict[Attribute, Float32]:
     """The values of attributes whose grids are multiples of powers of two, too."""
     arrays = {Attribute.POSITION: cloud.positions, Attribute.SCALE: cloud.scales}
     for band in range(1, cloud.sh_degree + 1):

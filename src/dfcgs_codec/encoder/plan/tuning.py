@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
-from dfcgs_codec.arguments import real, refusal
+from dfcgs_codec.arguments import real, refusal, switch, whole
 from dfcgs_codec.bitstream.constants import (
     MAX_LATENT_STEP_LOG2,
     MAX_NEIGHBOURS,
@@ -16,7 +16,7 @@ from dfcgs_codec.bitstream.constants import (
     Attribute,
     IntraKind,
 )
-from dfcgs_codec.encoder.plan.option_fields import Choice, OptionField, Real, Switch, Text, Whole
+from dfcgs_codec.encoder.plan.option_fields import Choice, OptionField, Real, Switch, Whole, choice
 from dfcgs_codec.encoder.plan.quantiser_steps import REFERENCE_STEPS
 from dfcgs_codec.errors import InputError
 
@@ -42,22 +42,27 @@ class RefinementMode(Enum):
     ON = "on"
 
 
-class Steps(OptionField[Mapping[Attribute, float] | None, Mapping[Attribute, float] | None]):
-    """A step above 0 by attribute, of every attribute, or None."""
+_Steps = Mapping[Attribute, float] | None
 
-    def _convert(self, value: Any) -> dict[Attribute, float] | None:
-        if value is None:
-            return None
-        if not isinstance(value, Mapping) or set(value) != set(REFERENCE_STEPS):
-            raise refusal(self._name, value, "a step by Attribute, of every attribute, or None")
-        steps = {attribute: real(self._name, step) for attribute, step in value.items()}
-        if not all(0 < step < math.inf for step in steps.values()):
-            raise refusal(self._name, value, "steps above 0")
-        return steps
+
+def _steps(name: str, value: Any) -> _Steps:
+    if value is None:
+        return None
+    if not isinstance(value, Mapping) or set(value) != set(REFERENCE_STEPS):
+        raise refusal(name, value, "a step by Attribute, of every attribute, or None")
+    steps = {attribute: real(name, step) for attribute, step in value.items()}
+    if not all(0 < step < math.inf for step in steps.values()):
+        raise refusal(name, value, "steps above 0")
+    return steps
+
+
+def _text(name: str, value: Any) -> str | None:
+    if value is not None and not isinstance(value, str):
+        raise refusal(name, value, "a text or None")
+    return value
 
 
 def _log2(value: float) -> float:
-    """log2 of a power of two, nan for anything else."""
     if not 0 < value < math.inf or math.frexp(value)[0] != 0.5:
         return math.nan
     return math.frexp(value)[1] - 1
@@ -73,53 +78,53 @@ class EncoderTuning:
     Raises InputError for a value of the wrong kind or out of range, by its name.
     """
 
-    intra: Choice[IntraKind] = Choice(IntraKind.CODED)
+    intra: Choice[IntraKind] = choice(IntraKind.CODED)
     """"ply": I-frames are the float32 values of the input, P-frames between them stay quantised, as in the
     published D-FCGS; such an I-frame takes 10 to 23 times the bytes of one at 40 dB. In contrast
     `EncoderOptions(quality="lossless")` has I-frames only and keeps every frame as it is."""
 
-    visibility: Switch = Switch(True)
+    visibility: Switch = Switch(True, switch)
     """Steps are coarser for Gaussians that show less. False, one step for all: +15 to +41 % of I-frames, and
     +34 % of files, on objects."""
 
-    balance: Switch = Switch(True)
+    balance: Switch = Switch(True, switch)
     """Steps of attributes follow how much each shows in small patches of the first frame. False: +4 % of
     I-frames (-1 to +7)."""
 
-    exact: Switch = Switch(True)
+    exact: Switch = Switch(True, switch)
     """Values that another tool has quantised already are kept as they are, where that is smaller. False: the
     files of input that went through SPZ are 16 to 92 % larger."""
 
-    zero_bin: Real = Real(0.6)
+    zero_bin: Real = Real(0.6, real)
     """In P-frames a residual below this many steps is coded as 0; 0.5 rounds to the nearest step."""
 
-    intra_zero_bin: Real = Real(0.6)
+    intra_zero_bin: Real = Real(0.6, real)
     """The same in I-frames."""
 
-    reference_steps: Steps = Steps(None)
+    reference_steps: OptionField[_Steps, _Steps] = OptionField(None, _steps)
     """Steps at QP 22 by Attribute, in place of `quantiser_steps.REFERENCE_STEPS`; whether another
     proportion of steps is better is asked by `evaluation/experiments/i_frames/allocation.py`."""
 
-    motion: Choice[MotionMode] = Choice(MotionMode.AUTO)
+    motion: Choice[MotionMode] = choice(MotionMode.AUTO)
     """"auto": control points carry Gaussians along where that pays; "off": nowhere, +33 % of files; "only":
     everywhere, and no residual, which drifts away from the input."""
 
-    turns: Switch = Switch(True)
+    turns: Switch = Switch(True, switch)
     """Control points turn what they carry. False, they only shift it: +10 %."""
 
-    control_spacing: Whole = Whole(70)
+    control_spacing: Whole = Whole(70, whole)
     """Gaussians to one control point (M of the paper)."""
 
-    model_id: Text = Text(None)
+    model_id: OptionField[str | None, str | None] = OptionField(None, _text)
     """Id of a model other than the profile's own; it must be installed or registered."""
 
-    num_neighbours: Whole = Whole(30)
+    num_neighbours: Whole = Whole(30, whole)
     """Profile PAPER: Gaussians that a control point moves (K of the paper)."""
 
-    latent_step: Real = Real(1.0)
+    latent_step: Real = Real(1.0, real)
     """Profile PAPER: q' of the paper, a power of two, 1/16 to 64."""
 
-    refinement: Choice[RefinementMode] = Choice(RefinementMode.AUTO)
+    refinement: Choice[RefinementMode] = choice(RefinementMode.AUTO)
     """Profile PAPER: colour refinement where it brings colours nearer, "on" in every frame as published, or
     "off"."""
 

@@ -10,13 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64
 from dfcgs_codec.bitstream.constants import Attribute
 from dfcgs_codec.codec.frame.gof_state import GofState
-
-Int64 = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 #: squared errors of colours as a frame shows them, to those of an I-frame in its place, at most: 1 dB
 _MOST_BEHIND = 10.0**0.1

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Int64
 from dfcgs_codec.codec.columns.magnitudes import row_sums
 from dfcgs_codec.codec.motion.walk import FOLLOW, MIXED, STILL
 from dfcgs_codec.codec.residual.classes import BLOCK_LOG2, DENSE, NUM_MAGNITUDES
 from dfcgs_codec.transform.lod import ladder
-
-Int64 = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 
 #: with more significant Gaussians than this, all are coded, and their nearest neighbours help
 _ALL_DENSE_SHARE = 0.85

@@ -5,26 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import Attribute, OutputOrder
 from dfcgs_codec.bitstream.frame_headers import IntraSteps
 from dfcgs_codec.codec.frame.gof_state import GofState
+from dfcgs_codec.codec.frame.topology import TopologyGoal
+from dfcgs_codec.codec.frame.walk import MotionGoal
 from dfcgs_codec.codec.residual.classes import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.state.visibility import Visibility
-from dfcgs_codec.encoder.frame.frame_coding import (
-    CodedFrame,
-    IntraTask,
-    ResidualCoding,
-    TopologyChange,
-    code_inter_frame,
-)
+from dfcgs_codec.encoder.frame.frame_coding import CodedFrame, coded_inter, topology_goal
 from dfcgs_codec.encoder.frame.reference import InputFrame
 from dfcgs_codec.encoder.frame.targets import ordered
-from dfcgs_codec.encoder.intra.intra_plan import IntraPlan, inter_levels, steps_in_intra_frame
+from dfcgs_codec.encoder.intra.intra_plan import IntraPlan, IntraTarget, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.matching.canonical import choose_axis_names
 from dfcgs_codec.encoder.matching.identity import Members, Succession
-from dfcgs_codec.encoder.motion.motion_choice import MotionTask, MotionTrial, choose_motion
+from dfcgs_codec.encoder.motion.motion_choice import choose_motion
+from dfcgs_codec.encoder.motion.motion_judge import MotionTask
 from dfcgs_codec.encoder.plan.plan import SequencePlan
 from dfcgs_codec.encoder.plan.tuning import MotionMode
 from dfcgs_codec.encoder.residual.quantise import (
@@ -35,26 +32,31 @@ from dfcgs_codec.encoder.residual.quantise import (
     inter_symbols,
 )
 
-Int64 = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class Births:
     """A change of topology, and the Gaussians that come with it."""
 
-    change: TopologyChange
+    change: TopologyGoal
     members: Members
     target: Planes
+
+    def __len__(self) -> int:
+        return len(self.members.rows)
 
 
 @dataclass(frozen=True)
 class InterTask:
-    """A P-frame to be coded: `target` of the survivors, what it was `before`, the `state` they are in."""
+    """A P-frame to be coded: `target` of the survivors, what it was `before`, the `state` they are in.
+
+    `reference`: the state with those that go.
+    """
 
     index: int
     target: Planes
     before: Planes
     state: GofState
+    reference: GofState
     births: Births | None
 
 
@@ -65,7 +67,7 @@ class InterCoder:
         self._plan = plan
         self._quantisation, self._slack_share = plan.quantisation, SLACK
         self._intra_steps: IntraSteps | None = None
-        self._known_slack: tuple[Visibility, dict[Attribute, npt.NDArray[np.int64]]] | None = None
+        self._known_slack: tuple[Visibility, dict[Attribute, Int64]] | None = None
         self._known_levels: tuple[Visibility, dict[Attribute, int]] | None = None
 
     def begin(self, steps: IntraSteps) -> None:
@@ -92,26 +94,24 @@ class InterCoder:
                 names = choose_axis_names(born)
                 born = names.rename(born)
             cover = None if frame.cover is None else frame.cover[rows]
-            order, task = self._birth_task(born, cover, keeps_names=names is None)
+            order, task = self._births(born, cover, keeps_names=names is None)
             rows, target = rows[order], ordered(born, order)
             names = None if names is None else names.take(order)
         inputs = None
         if options.order == OutputOrder.INPUT:
             inputs = np.concatenate([succession.members.rows, rows])
-        change = TopologyChange(succession.kept, succession.num_before, task, inputs)
+        change = topology_goal(succession.kept, succession.num_before, task, inputs)
         return Births(change, Members(rows, names), target)
 
-    def _birth_task(self, born: Planes, cover: Int64 | None, *, keeps_names: bool) -> tuple[Int64, IntraTask]:
+    def _births(self, born: Planes, cover: Int64 | None, *, keeps_names: bool) -> tuple[Int64, IntraTarget]:
         """Canonical order of Gaussians that come, `born` in the input's, and how they are coded."""
-        quantisation = self._plan.quantisation
+        quantisation, zero_bin = self._plan.quantisation, self._plan.options.tuning.intra_zero_bin
         intra = IntraPlan.of(born, cover, quantisation)
         order, grid = intra.order(born[Attribute.POSITION])
-        wanted = intra.target(
-            ordered(born, order), order, quantisation, self._plan.options.tuning.intra_zero_bin
-        )
-        return order, IntraTask(replace(wanted, keeps_names=keeps_names), grid)
+        wanted = intra.target(ordered(born, order), (order, grid), quantisation, zero_bin)
+        return order, replace(wanted, keeps_names=keeps_names)
 
-    def _coded(self, task: InterTask, trial: MotionTrial | None) -> CodedFrame:
+    def _coded(self, task: InterTask, trial: MotionGoal | None) -> CodedFrame:
         quantisation, tuning = self._quantisation, self._plan.options.tuning
         reference = task.state.frame
         levels = self._levels(task.state.visibility)
@@ -123,8 +123,8 @@ class InterCoder:
         if tuning.motion != MotionMode.ONLY:
             symbols = inter_symbols(task.target, task.before, states, quantiser)
         change = None if task.births is None else task.births.change
-        coding = ResidualCoding(quantisation.steps, levels)
-        return code_inter_frame(task.index, symbols, task.state, coding, trial, change)
+        steps = quantisation.steps, levels
+        return coded_inter(self._plan.writer(task.index), symbols, task.reference, steps, trial, change)
 
     def _levels(self, visibility: Visibility) -> dict[Attribute, int]:
         """Weights at which steps are as given: few Gaussians show more; bounded steps are so for all."""
@@ -137,7 +137,7 @@ class InterCoder:
             known = self._known_levels = (visibility, levels)
         return known[1]
 
-    def slack(self, state: GofState) -> dict[Attribute, npt.NDArray[np.int64]]:
+    def slack(self, state: GofState) -> dict[Attribute, Int64]:
         """Steps that the Gaussians had in a coded I-frame: errors that these left are not mended now."""
         if self._intra_steps is None:
             return {}
@@ -149,7 +149,7 @@ class InterCoder:
             known = self._known_slack = (state.visibility, {a: found[a] for a in free})
         return known[1]
 
-    def _motion(self, task: InterTask) -> MotionTrial | None:
+    def _motion(self, task: InterTask) -> MotionGoal | None:
         tuning = self._plan.options.tuning
         mode = tuning.motion
         if mode == MotionMode.OFF:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from dfcgs_codec.array_types import Bool, Float64, Int64
 from dfcgs_codec.bitstream.constants import MAX_SORT_BITS, Attribute
 from dfcgs_codec.bitstream.frame_headers import SortGrid
 from dfcgs_codec.codec.residual.classes import AttributeActivity, InterSymbols, nonzero_rows
@@ -20,8 +20,6 @@ from dfcgs_codec.transform.morton import canonical_order, morton_keys
 from dfcgs_codec.transform.pieces import pieces
 from dfcgs_codec.transform.rotation import ONE, STEREO_ONE, multiply, to_stereo
 
-Int64 = npt.NDArray[np.int64]
-Bool = npt.NDArray[np.bool_]
 Planes = dict[Attribute, Int64]
 
 
@@ -53,7 +51,7 @@ class ZeroBin:
         signed: Int64 = np.sign(residual) * symbols
         return signed
 
-    def quantise_real(self, residual: npt.NDArray[np.float64]) -> Int64:
+    def quantise_real(self, residual: Float64) -> Int64:
         """Symbols of residuals in steps."""
         magnitude = np.abs(residual)
         symbols = np.ceil(magnitude - 0.5)
@@ -90,7 +88,7 @@ def order_of(indices: Int64, grid: SortGrid) -> Int64:
     return canonical_order(morton_keys(cells), indices)
 
 
-def relative_rotation(target: Int64, reference: Int64, step: int) -> npt.NDArray[np.float64]:
+def relative_rotation(target: Int64, reference: Int64, step: int) -> Float64:
     """Stereographic vectors, in steps, of the turns about the Gaussians' own axes."""
     vectors = np.empty((len(target), 3))
     for part in pieces(len(target)):
