@@ -36,7 +36,7 @@ from dfcgs_codec.codec.residual.classes import (
     num_inter_columns,
 )
 from dfcgs_codec.encoder.frame.chunk_writer import FrameWriter
-from dfcgs_codec.encoder.frame.frame_coding import IntraTask, coded_inter, topology_goal
+from dfcgs_codec.encoder.frame.frame_coding import coded_inter, topology_goal
 from dfcgs_codec.encoder.intra.intra_plan import IntraTarget
 from dfcgs_codec.encoder.plan.quantiser_steps import Quantisation
 from dfcgs_codec.model.registry import context_model
@@ -169,8 +169,9 @@ class Crafted:
         planes[Attribute.ROTATION][:, 0] = ONE
         quantisation = Quantisation(units, steps.steps, frozenset(), {}, frozenset())
         none = np.zeros(count, np.int64)
-        births = IntraTarget(planes, planes[Attribute.POSITION], none, steps, quantisation, 0.5)
-        return topology_goal(np.arange(1), n, IntraTask(births, SortGrid(0, 0, (0, 0, 0), False)))
+        grid = SortGrid(0, 0, (0, 0, 0), False)
+        births = IntraTarget(planes, planes[Attribute.POSITION], none, steps, grid, quantisation, 0.5)
+        return topology_goal(np.arange(1), n, births)
 
     def _motion(self, state: GofState) -> MotionGoal:
         """All follow control points that stand still."""

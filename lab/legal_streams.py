@@ -175,7 +175,7 @@ def _random_topology(
     births = None
     if num_births:
         births = _random_task(rng, num_births, attributes, before.visibility.units)
-        births = replace(births, target=replace(births.target, permutation=None))
+        births = replace(births, permutation=None)
     total = len(kept) + num_births
     inputs = rng.permutation(total) if rng.random() < 0.4 else None
     return frame_coding.topology_goal(kept, count, births, inputs)
@@ -191,7 +191,7 @@ class _Target(IntraTarget):
 
 def _random_task(
     rng: np.random.Generator, count: int, attributes: list[Attribute], units: UnitExponents
-) -> frame_coding.IntraTask:
+) -> IntraTarget:
     """An I-frame, or births."""
     grid, log2 = _random_grid(rng), int(rng.choice([0, 0, 1, 3, 8]))
     coarse = _random_indices(rng, count, grid)
@@ -208,17 +208,17 @@ def _random_task(
     }
     planes[Attribute.ROTATION] = normalise(rng.integers(-(1 << 23), 1 << 23, (count, 4)))
     bounded = frozenset(a for a in attributes if a == Attribute.OPACITY or rng.random() < 0.3)
-    target = _Target(
+    return _Target(
         planes,
         coarse << log2 | rng.integers(0, 1 << log2, coarse.shape),
         np.clip(rng.integers(-4, 5, count).cumsum() // 4, 0, 15) * int(rng.integers(0, 2)),
         rule,
+        grid,
         Quantisation(units, {}, bounded, {}, frozenset()),
         0.6,
         rng.permutation(count) if rng.random() < 0.5 else None,
         bool(rng.integers(0, 2)),
     )
-    return frame_coding.IntraTask(target, grid)
 
 
 def _random_intra(

@@ -202,7 +202,7 @@ class _Target(IntraTarget):
 
 def _target() -> _Target:
     unused = Quantisation(_HEADER.unit_exponents, {}, frozenset(), {}, frozenset())
-    return _Target({}, _POSITIONS, _COVER, _INTRA_STEPS, unused, 0.5, None, keeps_names=True)
+    return _Target({}, _POSITIONS, _COVER, _INTRA_STEPS, _GRID, unused, 0.5, None, keeps_names=True)
 
 
 def _inter_symbols() -> InterSymbols:
@@ -227,8 +227,7 @@ def build() -> bytes:
     container = ContainerWriter(file, _HEADER)
     container.chunk(ChunkType.ENCODER_INFO, 0, b"worked example")
     with mock.patch.object(chunk_writer, "SymbolWriter", PlainWriter):
-        task = frame_coding.IntraTask(_target(), _GRID)
-        intra = frame_coding.coded_intra(FrameWriter(_HEADER, _PRIOR, 0), task, _CONTROL)
+        intra = frame_coding.coded_intra(FrameWriter(_HEADER, _PRIOR, 0), _target(), _CONTROL)
         writer = FrameWriter(_HEADER, _PRIOR, 1)
         steps = _STEPS, _INTER_LEVELS
         inter = frame_coding.coded_inter(writer, _inter_symbols(), intra.state, steps, _motion(intra))

@@ -14,7 +14,7 @@ from dfcgs_codec.bitstream.motion_header import SpreadHeader
 from dfcgs_codec.codec.motion.compensation import ControlSource
 from dfcgs_codec.codec.paper.latent_motion import LatentControl
 from dfcgs_codec.codec.state.planes import SH_BANDS, FrameState
-from dfcgs_codec.encoder.frame.frame_coding import IntraTask, coded_intra
+from dfcgs_codec.encoder.frame.frame_coding import coded_intra
 from dfcgs_codec.encoder.frame.targets import Planes, Targets
 from dfcgs_codec.encoder.matching.identity import Members
 from dfcgs_codec.encoder.plan.allocation import Placing
@@ -109,11 +109,10 @@ def _decoded_first(plan: SequencePlan, planes: Planes) -> tuple[FrameState, Memb
     placing, quantisation = Placing.of(planes, plan), plan.quantisation
     order, grid = placing.intra.order(planes[Attribute.POSITION])
     members = Members(order, placing.names.take(order))
-    wanted = placing.intra.target(
-        members.target(planes), order, quantisation, plan.options.tuning.intra_zero_bin
-    )
-    task = IntraTask(replace(wanted, keeps_names=True), grid)
-    return coded_intra(plan.writer(0), task, plan.control).state.frame, members
+    zero_bin = plan.options.tuning.intra_zero_bin
+    wanted = placing.intra.target(members.target(planes), (order, grid), quantisation, zero_bin)
+    wanted = replace(wanted, keeps_names=True)
+    return coded_intra(plan.writer(0), wanted, plan.control).state.frame, members
 
 
 def prepare_gof(

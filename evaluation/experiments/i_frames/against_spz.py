@@ -23,7 +23,7 @@ from dfcgs_codec.bitstream.frame_headers import ControlHeader
 from dfcgs_codec.bitstream.sequence_header import FrameNumbers, SequenceHeader, UnitExponents
 from dfcgs_codec.codec.state.planes import SH_BANDS, output
 from dfcgs_codec.encoder.frame.chunk_writer import FrameWriter
-from dfcgs_codec.encoder.frame.frame_coding import CodedFrame, IntraTask, coded_intra
+from dfcgs_codec.encoder.frame.frame_coding import CodedFrame, coded_intra
 from dfcgs_codec.encoder.frame.report import attribute_errors
 from dfcgs_codec.encoder.frame.targets import Targets, ordered
 from dfcgs_codec.encoder.intra.intra_plan import IntraPlan
@@ -75,9 +75,9 @@ class IntraFrame:
         quantisation = Quantisation(_UNITS, steps, everything, steps, everything)
         plan = IntraPlan.of(self._renamed, None, quantisation)
         order, grid = plan.order(self._renamed[Attribute.POSITION])
-        target = plan.target(ordered(self._renamed, order), order, quantisation, 0.5)
-        task = IntraTask(replace(target, keeps_names=keeps_names), grid)
-        return coded_intra(FrameWriter(_SEQUENCE, None, 0), task, _CONTROL), order
+        target = plan.target(ordered(self._renamed, order), (order, grid), quantisation, 0.5)
+        target = replace(target, keeps_names=keeps_names)
+        return coded_intra(FrameWriter(_SEQUENCE, None, 0), target, _CONTROL), order
 
     def errors(self, real: dict[Attribute, float]) -> tuple[Errors, Int64]:
         """Errors per Gaussian, in the order returned with them."""

@@ -275,14 +275,14 @@ class InterHeader:
 
 
 @dataclass(frozen=True)
-class ResidualHeader:
-    """A RESIDUAL chunk has no fields of its own: its streams are those of the P-frame's `attributes`."""
+class NoFields:
+    """A chunk of streams alone; `names`: what they hold, None: there is one, which fills it."""
 
-    attributes: list[Attribute]
+    names: list[str] | None
 
-    def streams(self, sh_degree: int) -> list[str]:
-        """What its streams hold, in their order."""
-        return [attribute.name for attribute in self.attributes]
+    def streams(self, sh_degree: int) -> list[str] | None:
+        """The same."""
+        return self.names
 
     def write(self, writer: ByteWriter) -> None:
         """Nothing."""

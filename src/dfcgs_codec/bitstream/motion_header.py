@@ -121,19 +121,3 @@ class LatentHeader:
         if not MIN_LATENT_STEP_LOG2 <= step_log2 <= MAX_LATENT_STEP_LOG2:
             raise LimitExceeded(f"latent_step_log2 is {step_log2}", offset=offset)
         return LatentHeader(count, step_log2, SpreadHeader.read(reader))
-
-
-@dataclass(frozen=True)
-class HyperHeader:
-    """A HYPERPRIOR chunk has no fields: one stream fills it."""
-
-    def streams(self, sh_degree: int) -> None:
-        """One stream fills the chunk."""
-
-    def write(self, writer: ByteWriter) -> None:
-        """Nothing."""
-
-    @staticmethod
-    def read(reader: ByteReader, sequence: SequenceHeader) -> HyperHeader:
-        """Nothing."""
-        return HyperHeader()

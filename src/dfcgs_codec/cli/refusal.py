@@ -11,7 +11,7 @@ import click
 
 from dfcgs_codec.bitstream.container import ContainerReader
 from dfcgs_codec.codec.frame.chunk_search import ChunkSearch
-from dfcgs_codec.codec.frame.needs import beyond_default_limits
+from dfcgs_codec.codec.frame.headers import beyond_default_limits
 from dfcgs_codec.errors import (
     BitstreamError,
     CorruptBitstream,

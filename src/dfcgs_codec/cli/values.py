@@ -12,6 +12,8 @@ from dfcgs_codec.arguments import rate
 from dfcgs_codec.encoder.plan.quantiser_steps import QUALITIES, Bound
 from dfcgs_codec.errors import InputError
 
+_UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
+
 
 def _check_typed(value: str, what: str) -> None:
     if value == "-":
@@ -36,9 +38,6 @@ def output_folder(ctx: click.Context, param: click.Parameter, value: str | None)
         return None
     _check_typed(value, "a folder")
     return Path(value)
-
-
-_UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
 
 def frame_rate(text: str) -> Fraction:

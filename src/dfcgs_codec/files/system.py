@@ -12,6 +12,10 @@ from pathlib import Path
 from types import FrameType
 
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
+#: file systems that cannot do it say so in these words
+_CANNOT = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
+#: what only writing meets; the system gives these errors no name
+_WRITING = {errno.ENOSPC, errno.EFBIG, errno.EROFS, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 @contextmanager
@@ -41,10 +45,6 @@ def uninterrupted() -> Iterator[list[int]]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-#: file systems that cannot do it say so in these words
-_CANNOT = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS)
 
 
 def sync_open(descriptor: int) -> None:
@@ -87,10 +87,6 @@ def sync_names(folder: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
-
-
-#: what only writing meets; the system gives these errors no name
-_WRITING = {errno.ENOSPC, errno.EFBIG, errno.EROFS, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 @contextmanager

@@ -17,6 +17,13 @@ from dfcgs_codec.errors import InputError
 if sys.platform != "win32":
     import fcntl
 
+_TOKEN_BYTES = 6
+_TOKEN = f"[0-9a-f]{{{2 * _TOKEN_BYTES}}}"
+#: a name of the target's that is longer gives way to its hash: names have at most 255 bytes
+_LONGEST_NAME = 200
+#: what this process is writing, and how to put it away
+_at_work: dict[Path, Callable[[Path], None]] = {}
+
 
 def try_lock(descriptor: int) -> bool | None:
     """Lock an open file or folder until it is closed; False where another has it, None where none can."""
@@ -39,14 +46,6 @@ def open_to_lock(path: Path) -> int | None:
         return os.open(path, flags)
     except OSError:
         return None
-
-
-_TOKEN_BYTES = 6
-_TOKEN = f"[0-9a-f]{{{2 * _TOKEN_BYTES}}}"
-#: a name of the target's that is longer gives way to its hash: names have at most 255 bytes
-_LONGEST_NAME = 200
-#: what this process is writing, and how to put it away
-_at_work: dict[Path, Callable[[Path], None]] = {}
 
 
 def _stem(target: Path) -> str:

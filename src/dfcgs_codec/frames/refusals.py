@@ -14,6 +14,8 @@ from dfcgs_codec.frames.names import Column, Name, Token, columns, ending
 
 _PLACE = "{}"
 _NUMBER = r"([+-]?\d+(?:[.,]\d+)?(?:[eE][+-]\d{2,3})?)"
+#: names that are listed in a message
+_LISTED = 3
 
 
 def compiled_order(pattern: str) -> re.Pattern[str]:
@@ -78,10 +80,6 @@ def order_by_for(names: list[Name], column: Column) -> str | None:
         if all(f is not None and f[1] == text for f, text in zip(found, column.texts, strict=True)):
             return shlex.quote(pattern)
     return None
-
-
-#: names that are listed in a message
-_LISTED = 3
 
 
 def counted(names: Sequence[object], what: str = "file") -> str:

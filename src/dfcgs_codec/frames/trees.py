@@ -13,6 +13,11 @@ from dfcgs_codec.frames.refusals import counted, glob_for, some
 
 #: the folder of Gaussians that 3DGStream and 4DGC add to one frame
 _ADDED = "added"
+#: point clouds that training starts from, which trainers leave beside their results
+_POINT_CLOUDS = ("input.ply", "points3d.ply", "sparse_pc.ply")
+#: as deep as scene/frame000001/point_cloud/iteration_150/point_cloud.ply, and one more
+_MAX_DEPTH = 6
+_MAX_FOLDERS = 50_000
 
 
 def _is_part(name: str) -> bool:
@@ -68,13 +73,6 @@ def of_copies(copies: list[str]) -> list[str]:
     if not copies:
         return []
     return [f"left out, as the frame itself lies beside their folder: {some(copies)}"]
-
-
-#: point clouds that training starts from, which trainers leave beside their results
-_POINT_CLOUDS = ("input.ply", "points3d.ply", "sparse_pc.ply")
-#: as deep as scene/frame000001/point_cloud/iteration_150/point_cloud.ply, and one more
-_MAX_DEPTH = 6
-_MAX_FOLDERS = 50_000
 
 
 @dataclass

@@ -19,6 +19,18 @@ from dfcgs_codec.ply.schema import FLAT_LOG_SCALE
 
 #: alpha stays below 1, so that its logit is finite
 _MOST = 1 - 1e-7
+#: alpha 1 to within 3e-7, and 0 even after a quantiser step of many logits
+OPAQUE_LOGIT = 15.0
+INVISIBLE_LOGIT = -30.0
+#: attribute -> (N, number of properties)
+Groups = dict[str, AnyArray]
+#: attribute -> names of its properties
+Names = dict[str, tuple[str, ...]]
+_ORDER = ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest")
+_NO_ROTATION = (1.0, 0.0, 0.0, 0.0)
+#: what -inf and inf mean
+_MEANINGS = {"scales": (FLAT_LOG_SCALE, 0.0), "opacities": (INVISIBLE_LOGIT, OPAQUE_LOGIT)}
+_LARGEST = float(np.finfo(np.float32).max)
 
 
 def bake_filter(scales: AnyArray, opacities: AnyArray, widths: AnyArray) -> tuple[AnyArray, AnyArray]:
@@ -37,21 +49,6 @@ def bake_filter(scales: AnyArray, opacities: AnyArray, widths: AnyArray) -> tupl
         # where the filter does nothing the logit is the one of the file, beyond what alpha can tell
         baked = np.where(log_ratio == 0, logits, shrunk)
     return (0.5 * widened).astype(scales.dtype), baked.astype(opacities.dtype)
-
-
-#: alpha 1 to within 3e-7, and 0 even after a quantiser step of many logits
-OPAQUE_LOGIT = 15.0
-INVISIBLE_LOGIT = -30.0
-
-#: attribute -> (N, number of properties)
-Groups = dict[str, AnyArray]
-#: attribute -> names of its properties
-Names = dict[str, tuple[str, ...]]
-_ORDER = ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest")
-_NO_ROTATION = (1.0, 0.0, 0.0, 0.0)
-#: what -inf and inf mean
-_MEANINGS = {"scales": (FLAT_LOG_SCALE, 0.0), "opacities": (INVISIBLE_LOGIT, OPAQUE_LOGIT)}
-_LARGEST = float(np.finfo(np.float32).max)
 
 
 class _Finding(NamedTuple):

@@ -23,6 +23,14 @@ from dfcgs_codec.views.fields import (
 from dfcgs_codec.views.transforms import cameras_of_transforms
 
 _COLMAP = Path("sparse", "0")
+_KEYS = ("width", "height", "position", "rotation", "fx", "fy")
+#: files of cameras in a folder, the first that is there; else a model of COLMAP in one of its places
+FILES = ("cameras.json", "transforms.json")
+COLMAP_PLACES = ("", "0", "sparse/0", "sparse", "colmap/sparse/0")
+EXPECTED = "cameras.json, transforms.json or a folder of COLMAP"
+_COLMAP_FILES = tuple(f"{name}{ending}" for name in ("cameras", "images") for ending in (".bin", ".txt"))
+_JSON_BEGINS = (b"[", b"{")
+_LOOKED_AT = 64
 
 
 def _is_trainers(folder: Path) -> bool:
@@ -56,9 +64,6 @@ def find_views(frame_paths: Sequence[Path]) -> Path | None:
     return None
 
 
-_KEYS = ("width", "height", "position", "rotation", "fx", "fy")
-
-
 def _camera(value: object) -> ViewCamera:
     """One camera; its columns are right, down and forward in the world. The principal point is the middle."""
     found = record_of(value, _KEYS)
@@ -78,15 +83,6 @@ def cameras_of_inria(values: Sequence[object]) -> tuple[ViewCamera, ...]:
         with told_of(f"camera {index}"):
             cameras.append(_camera(value))
     return tuple(cameras)
-
-
-#: files of cameras in a folder, the first that is there; else a model of COLMAP in one of its places
-FILES = ("cameras.json", "transforms.json")
-COLMAP_PLACES = ("", "0", "sparse/0", "sparse", "colmap/sparse/0")
-EXPECTED = "cameras.json, transforms.json or a folder of COLMAP"
-_COLMAP_FILES = tuple(f"{name}{ending}" for name in ("cameras", "images") for ending in (".bin", ".txt"))
-_JSON_BEGINS = (b"[", b"{")
-_LOOKED_AT = 64
 
 
 def colmap_in(folder: Path) -> Path | None:

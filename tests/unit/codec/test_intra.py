@@ -40,7 +40,7 @@ def task(
     if not alternating:
         plan = replace(plan, steps=replace(plan.steps, alternating=frozenset()))
     order, grid = plan.order(planes[Attribute.POSITION])
-    target = plan.target({a: v[order] for a, v in planes.items()}, order, quantisation, 0.5)
+    target = plan.target({a: v[order] for a, v in planes.items()}, (order, grid), quantisation, 0.5)
     return target, IntraShape(count, False, grid, plan.steps, quantisation.units)
 
 

@@ -62,7 +62,8 @@ def test_bounded_opacities_are_left_alone() -> None:
         quantisation = plan_quantisation(28, bounds, cloud)
         found = Targets(quantisation.units).planes(cloud)
         plan = IntraPlan.of(found, None, quantisation)
-        target = plan.target(found, np.arange(300), quantisation, 0.5)
+        ordered = np.arange(300), plan.order(found[Attribute.POSITION])[1]
+        target = plan.target(found, ordered, quantisation, 0.5)
         larger = {Attribute.SCALE: found[Attribute.SCALE] + 500}
         goal = target.column(Attribute.OPACITY, 0, larger, [])
         same = np.array_equal(goal.values, found[Attribute.OPACITY][:, 0])

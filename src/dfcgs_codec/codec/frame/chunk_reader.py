@@ -8,7 +8,7 @@ from typing import Generic
 
 from dfcgs_codec.bitstream.constants import ChunkType
 from dfcgs_codec.bitstream.container import ChunkHead, ContainerReader
-from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, ResidualHeader, read_lengths
+from dfcgs_codec.bitstream.frame_headers import InterHeader, IntraHeader, read_lengths
 from dfcgs_codec.bitstream.io import ByteReader
 from dfcgs_codec.bitstream.motion_header import MotionHeader
 from dfcgs_codec.bitstream.sequence_header import SequenceHeader
@@ -97,5 +97,6 @@ class FrameReader:
         self._budget.chunk(self._index, header)
         if isinstance(header, IntraHeader | InterHeader):
             self.header = header
-        charge = self._budget.symbols if isinstance(header, MotionHeader | ResidualHeader) else None
+        counts = kind == ChunkType.RESIDUAL or isinstance(header, MotionHeader)
+        charge = self._budget.symbols if counts else None
         return ChunkReader(header, reader, self.sequence.sh_degree, charge)

@@ -13,7 +13,7 @@ from dfcgs_codec.bitstream.escapes import Escapes
 from dfcgs_codec.bitstream.frame_headers import (
     InterHeader,
     IntraHeader,
-    ResidualHeader,
+    NoFields,
     coded_attributes,
 )
 from dfcgs_codec.bitstream.motion_header import MotionHeader
@@ -135,10 +135,11 @@ def _residual(
 ) -> InterSymbols:
     """Symbols of the attributes that have steps; `reference`: the state, and its motion."""
     state, moved = reference
-    residual = ResidualHeader(sorted(header.steps))
+    attributes = sorted(header.steps)
+    residual = NoFields([attribute.name for attribute in attributes])
     chunk = frame.chunk(ChunkType.RESIDUAL, lambda *_: residual, residual)
     prior, modes = state.prior(header.visibility, moved), None if moved is None else moved.modes
-    shape = InterShape(residual.attributes, state.frame.num_gaussians, state.levels, prior, modes)
+    shape = InterShape(attributes, state.frame.num_gaussians, state.levels, prior, modes)
     symbols = code_inter(chunk.next, known, state.history, shape)
     chunk.close()
     return symbols

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import ChunkType, Tool
-from dfcgs_codec.bitstream.motion_header import HyperHeader, LatentHeader
+from dfcgs_codec.bitstream.frame_headers import NoFields
+from dfcgs_codec.bitstream.motion_header import LatentHeader
 from dfcgs_codec.codec.frame.chunks import FrameCoder
 from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.frame.walk import code_inter_header
@@ -36,7 +37,8 @@ def code_latent_motion(frame: FrameCoder, goal: LatentGoal | None, reference: La
     model, rows = reference.model, reference.rows
     hyper = None
     if model.has_hyperprior:
-        side = frame.chunk(ChunkType.HYPERPRIOR, HyperHeader.read, HyperHeader())
+        alone = NoFields(None)
+        side = frame.chunk(ChunkType.HYPERPRIOR, lambda *_: alone, alone)
         hyper = code_hyper(side.next(), None if goal is None else goal.hyper, model, len(rows))
         side.close()
     chunk = frame.chunk(ChunkType.MOTION, LatentHeader.read, None if goal is None else goal.header)

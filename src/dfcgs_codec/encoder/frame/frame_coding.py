@@ -9,7 +9,7 @@ from functools import cached_property
 from dfcgs_codec.array_types import Int64
 from dfcgs_codec.bitstream.constants import Attribute, IntraKind, Tool
 from dfcgs_codec.bitstream.escapes import Escapes
-from dfcgs_codec.bitstream.frame_headers import ControlHeader, InterHeader, IntraHeader, SortGrid
+from dfcgs_codec.bitstream.frame_headers import ControlHeader, InterHeader, IntraHeader
 from dfcgs_codec.bitstream.topology_header import TopologyHeader
 from dfcgs_codec.codec.frame.gof_state import GofState
 from dfcgs_codec.codec.frame.topology import TopologyGoal
@@ -70,35 +70,21 @@ class CodedFrame:
         return CodedFrame.of(writer, code_escapes(writer, escapes or Escapes.none(), on_grid), self.source)
 
 
-@dataclass(frozen=True)
-class IntraTask:
-    """An I-frame, or births, to be coded: what is wanted, and the sort grid."""
-
-    target: IntraTarget
-    grid: SortGrid
-
-    @property
-    def count(self) -> int:
-        """N."""
-        return len(self.target.positions)
-
-
 def topology_goal(
-    kept: Int64, num_before: int, births: IntraTask | None, inputs: Int64 | None = None
+    kept: Int64, num_before: int, births: IntraTarget | None, inputs: Int64 | None = None
 ) -> TopologyGoal:
     """Who goes and comes in a frame, of `num_before` Gaussians; see TopologyGoal."""
     num_removals = num_before - len(kept)
     if births is None:
         return TopologyGoal(TopologyHeader(num_removals, False, 0, None), kept, None, inputs)
-    header = TopologyHeader(num_removals, False, births.count, births.grid, births.target.steps)
-    return TopologyGoal(header, kept, births.target, inputs)
+    header = TopologyHeader(num_removals, False, len(births.positions), births.grid, births.steps)
+    return TopologyGoal(header, kept, births, inputs)
 
 
-def coded_intra(writer: FrameWriter, task: IntraTask, control: ControlHeader) -> CodedFrame:
+def coded_intra(writer: FrameWriter, target: IntraTarget, control: ControlHeader) -> CodedFrame:
     """A `coded` I-frame."""
-    target = task.target
-    permuted = target.permutation is not None
-    header = IntraHeader(b"", IntraKind.CODED, task.count, permuted, control, task.grid, target.steps)
+    count, permuted = len(target.positions), target.permutation is not None
+    header = IntraHeader(b"", IntraKind.CODED, count, permuted, control, target.grid, target.steps)
     return CodedFrame.of(writer, code_intra_frame(writer, IntraFrameGoal(header, target)))
 
 

@@ -20,7 +20,6 @@ from dfcgs_codec.codec.residual.classes import InterSymbols
 from dfcgs_codec.encoder.frame.error_meter import ErrorMeter
 from dfcgs_codec.encoder.frame.finer_steps import FinerSteps
 from dfcgs_codec.encoder.frame.frame_coding import (
-    IntraTask,
     coded_empty,
     coded_inter,
     coded_intra,
@@ -240,9 +239,9 @@ class SegmentEncoder:
         names = (placing.names if is_first else self._settled(first, anchor)).take(order)
         target = Members(order, names).target(planes)
         zero_bin = self._plan.options.tuning.intra_zero_bin
-        wanted = placing.intra.target(target, order, self._plan.quantisation, zero_bin)
+        wanted = placing.intra.target(target, (order, grid), self._plan.quantisation, zero_bin)
         wanted = replace(wanted, permutation=permutation, keeps_names=not is_first)
-        coded = coded_intra(self._plan.writer(index), IntraTask(wanted, grid), self._plan.control)
+        coded = coded_intra(self._plan.writer(index), wanted, self._plan.control)
         self._inter_coder.begin(placing.intra.steps)
         decoded = coded.state.frame.planes[Attribute.ROTATION].wide()
         names = settled_names(names, target[Attribute.ROTATION], decoded)

@@ -76,6 +76,7 @@ class IntraTarget:
     positions: Int64
     cover: Int64
     steps: IntraSteps
+    grid: SortGrid
     quantisation: Quantisation
     zero_bin: float
     permutation: Int64 | None = None
@@ -142,11 +143,16 @@ class IntraPlan:
         return order_of(coarse, grid), grid
 
     def target(
-        self, planes: Mapping[Attribute, Int64], order: Int64, quantisation: Quantisation, zero_bin: float
+        self,
+        planes: Mapping[Attribute, Int64],
+        ordered: tuple[Int64, SortGrid],
+        quantisation: Quantisation,
+        zero_bin: float,
     ) -> IntraTarget:
-        """What is to be coded; `planes` in canonical order, which is `order` of the input's."""
+        """What is to be coded; `planes` in canonical order: `ordered` is what `order` gave."""
         positions = round_divide(planes[Attribute.POSITION], self.steps.steps[Attribute.POSITION])
-        return IntraTarget(planes, positions, self.cover[order], self.steps, quantisation, zero_bin)
+        cover = self.cover[ordered[0]]
+        return IntraTarget(planes, positions, cover, self.steps, ordered[1], quantisation, zero_bin)
 
 
 def steps_in_intra_frame(frame: FrameState, units: UnitExponents, rule: IntraSteps) -> dict[Attribute, Int64]:

@@ -16,6 +16,8 @@ from dfcgs_codec.gaussians import GaussianCloud
 _SAMPLE = 4096
 #: median displacement of equal indices, as part of other pairs' distance, up to which they are the same
 _TRACKED_SHARE = 0.25
+#: with fewer survivors than this share of a frame, nothing is gained over an I-frame
+_MIN_SURVIVORS = 0.3
 
 
 def is_tracked(first: GaussianCloud, other: GaussianCloud) -> bool:
@@ -34,10 +36,6 @@ def is_tracked(first: GaussianCloud, other: GaussianCloud) -> bool:
     apart = first.positions[rows].astype(np.float64) - first.positions[partner]
     same, others = np.abs(moved).sum(axis=1), np.abs(apart).sum(axis=1)
     return bool(np.median(same) <= _TRACKED_SHARE * np.median(others))
-
-
-#: with fewer survivors than this share of a frame, nothing is gained over an I-frame
-_MIN_SURVIVORS = 0.3
 
 
 @dataclass(frozen=True)

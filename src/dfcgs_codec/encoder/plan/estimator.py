@@ -23,7 +23,7 @@ from dfcgs_codec.gaussians import GaussianCloud
 _NEAR_ENOUGH = 0.4
 #: a quality is a promise, and estimates are uncertain, the more so the finer: so many dB more are aimed at
 #: up to 37 dB, and so many more with each dB beyond
-_MARGIN, _MORE_MARGIN = 1.0, 0.1
+_MARGIN, _MORE_MARGIN = 1.0, 0.15
 #: QPs that are tried
 _MOST_TRIALS = 4
 

@@ -14,10 +14,10 @@ from dfcgs_codec.codec.frame.topology import TopologyGoal
 from dfcgs_codec.codec.frame.walk import MotionGoal
 from dfcgs_codec.codec.residual.classes import InterSymbols, nonzero_rows
 from dfcgs_codec.codec.state.visibility import Visibility
-from dfcgs_codec.encoder.frame.frame_coding import CodedFrame, IntraTask, coded_inter, topology_goal
+from dfcgs_codec.encoder.frame.frame_coding import CodedFrame, coded_inter, topology_goal
 from dfcgs_codec.encoder.frame.reference import InputFrame
 from dfcgs_codec.encoder.frame.targets import ordered
-from dfcgs_codec.encoder.intra.intra_plan import IntraPlan, inter_levels, steps_in_intra_frame
+from dfcgs_codec.encoder.intra.intra_plan import IntraPlan, IntraTarget, inter_levels, steps_in_intra_frame
 from dfcgs_codec.encoder.matching.canonical import choose_axis_names
 from dfcgs_codec.encoder.matching.identity import Members, Succession
 from dfcgs_codec.encoder.motion.motion_choice import choose_motion
@@ -94,7 +94,7 @@ class InterCoder:
                 names = choose_axis_names(born)
                 born = names.rename(born)
             cover = None if frame.cover is None else frame.cover[rows]
-            order, task = self._birth_task(born, cover, keeps_names=names is None)
+            order, task = self._births(born, cover, keeps_names=names is None)
             rows, target = rows[order], ordered(born, order)
             names = None if names is None else names.take(order)
         inputs = None
@@ -103,15 +103,13 @@ class InterCoder:
         change = topology_goal(succession.kept, succession.num_before, task, inputs)
         return Births(change, Members(rows, names), target)
 
-    def _birth_task(self, born: Planes, cover: Int64 | None, *, keeps_names: bool) -> tuple[Int64, IntraTask]:
+    def _births(self, born: Planes, cover: Int64 | None, *, keeps_names: bool) -> tuple[Int64, IntraTarget]:
         """Canonical order of Gaussians that come, `born` in the input's, and how they are coded."""
-        quantisation = self._plan.quantisation
+        quantisation, zero_bin = self._plan.quantisation, self._plan.options.tuning.intra_zero_bin
         intra = IntraPlan.of(born, cover, quantisation)
         order, grid = intra.order(born[Attribute.POSITION])
-        wanted = intra.target(
-            ordered(born, order), order, quantisation, self._plan.options.tuning.intra_zero_bin
-        )
-        return order, IntraTask(replace(wanted, keeps_names=keeps_names), grid)
+        wanted = intra.target(ordered(born, order), (order, grid), quantisation, zero_bin)
+        return order, replace(wanted, keeps_names=keeps_names)
 
     def _coded(self, task: InterTask, trial: MotionGoal | None) -> CodedFrame:
         quantisation, tuning = self._quantisation, self._plan.options.tuning
