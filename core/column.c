@@ -22,8 +22,7 @@ typedef struct {
     const int64_t *mean, *deviation;
 } pass;
 
-/* --- what earlier columns say
- * ---------------------------------------------------------------------------------- */
+/* --- what earlier columns say ------------------------------------------------------------------------ */
 
 static void add_features(int64_t *sum, const int32_t *feature, uint32_t count, int64_t weight) {
     for (uint32_t i = 0; i < count; i++) sum[i] += feature[i] * weight;
@@ -52,8 +51,7 @@ static dfcgs_status weighted_sums(dfcgs_stream *s, const dfcgs_column_shape *sha
     return DFCGS_OK;
 }
 
-/* --- a pass
- * ---------------------------------------------------------------------------------------------------- */
+/* --- a pass ------------------------------------------------------------------------------------------ */
 
 static void predict(const walk *w, const pass *p, int64_t *predictions) {
     int64_t center = w->center;
@@ -189,8 +187,7 @@ static dfcgs_status code_passes(walk *w) {
     return DFCGS_OK;
 }
 
-/* ---------------------------------------------------------------------------------------------------------------
- */
+/* ----------------------------------------------------------------------------------------------------- */
 
 dfcgs_status dfcgs_column(dfcgs_stream *s, const dfcgs_column_shape *shape, int32_t *values,
                           int32_t *residuals) {

@@ -49,6 +49,9 @@ enum { DFCGS_ORDER_BIT = 1 << DFCGS_MAX_ATTRIBUTES };
 dfcgs_status dfcgs_take_gof(dfcgs_arena *arena, int num_attributes, const dfcgs_intra_header *header,
                             dfcgs_gof *gof);
 
+/* A block for `capacity` rows, its arrays laid into it. */
+dfcgs_status dfcgs_take_block(dfcgs_arena *arena, dfcgs_gof *gof);
+
 /* After the I-frame's planes are there: anchors and what control points will need. */
 void dfcgs_begin_gof(dfcgs_gof *gof, int32_t anchor_step);
 

@@ -169,9 +169,7 @@ dfcgs_status dfcgs_read_lengths(dfcgs_reader *r, int count, uint64_t *lengths) {
     return DFCGS_OK;
 }
 
-/* --- 13
- * ----------------------------------------------------------------------------------------------------------
- */
+/* --- 13 ---------------------------------------------------------------------------------------------- */
 
 static dfcgs_status read_escape_rows(dfcgs_reader *r, int64_t offset, uint32_t num_gaussians, uint64_t count,
                                      uint32_t *rows) {

@@ -31,9 +31,7 @@ typedef struct {
     uint8_t *flagged;
 } coded;
 
-/* --- 12.2
- * ---------------------------------------------------------------------------------------------------------
- */
+/* --- 12.2 -------------------------------------------------------------------------------------------- */
 
 static dfcgs_status read_densities(walk *w) {
     uint8_t *contexts;
@@ -62,9 +60,7 @@ static dfcgs_status read_magnitudes(walk *w) {
     return DFCGS_OK;
 }
 
-/* --- 12.3
- * ---------------------------------------------------------------------------------------------------------
- */
+/* --- 12.3 -------------------------------------------------------------------------------------------- */
 
 static dfcgs_status find_inputs(walk *w) {
     dfcgs_known known = w->context->known;
@@ -78,9 +74,7 @@ static dfcgs_status find_inputs(walk *w) {
     return DFCGS_OK;
 }
 
-/* --- 12.4
- * ---------------------------------------------------------------------------------------------------------
- */
+/* --- 12.4 -------------------------------------------------------------------------------------------- */
 
 /* What all passes over flags share: `share` [N] is s of 12.4, `place` [N] of each Gaussian among the rows. */
 typedef struct {
@@ -181,9 +175,7 @@ static dfcgs_status find_coded(walk *w, coded *c) {
     return DFCGS_OK;
 }
 
-/* --- 12.5
- * ---------------------------------------------------------------------------------------------------------
- */
+/* --- 12.5 -------------------------------------------------------------------------------------------- */
 
 /* Columns of the coded rows: symbols before and in this frame [count][columns], memory likewise, residuals of
  * each column. */
@@ -294,8 +286,7 @@ static dfcgs_status read_columns(walk *w, const coded *rows) {
     return DFCGS_OK;
 }
 
-/* ------------------------------------------------------------------------------------------------------------------
- */
+/* ----------------------------------------------------------------------------------------------------- */
 
 dfcgs_status dfcgs_inter_attribute(dfcgs_stream *s, const dfcgs_inter_context *context,
                                    dfcgs_activity *activity) {

@@ -43,8 +43,7 @@ static dfcgs_status read_permutation(dfcgs_streams *streams, dfcgs_levels levels
     return dfcgs_check_permutation(s, order, levels.count);
 }
 
-/* --- 11.4, pass by pass
- * ------------------------------------------------------------------------------------------- */
+/* --- 11.4, pass by pass ------------------------------------------------------------------------------ */
 
 static int64_t index_limit(const walk *w) {
     return 2 * (int64_t)DFCGS_STATE_LIMIT / w->coding->steps[DFCGS_POSITION];
@@ -231,9 +230,7 @@ dfcgs_status dfcgs_coded_intra(dfcgs_streams *streams, const dfcgs_sequence *seq
     return DFCGS_OK;
 }
 
-/* --- A
- * ----------------------------------------------------------------------------------------------------------
- */
+/* --- A ----------------------------------------------------------------------------------------------- */
 
 enum { BYTE = 256, BYTE_BITS = 8, NUM_CONTEXTS = 8 };
 

@@ -58,8 +58,7 @@ dfcgs_status dfcgs_model_of(dfcgs_arena *arena, uint32_t size, const int32_t *fr
     return sum == ONE ? dfcgs_make_model(arena, size, cumulative, model) : DFCGS_MISUSE;
 }
 
-/* --- 10.5: the two master tables, in 128 bits
- * ---------------------------------------------------------------- */
+/* --- 10.5: the two master tables, in 128 bits -------------------------------------------------------- */
 
 typedef struct {
     uint64_t high, low;
@@ -157,8 +156,7 @@ static void fill_exponential(int64_t *exponential) {
     }
 }
 
-/* --- 10.5: scale tables
- * ------------------------------------------------------------------------------------- */
+/* --- 10.5: scale tables ------------------------------------------------------------------------------ */
 
 static const uint32_t INVERSE_SIGMAS[DFCGS_NUM_BASE_SCALES] = {
     21137968, 18831788, 16777216, 14946800, 13316085, 11863283, 10568984, 9415894, 8388608, 7473400, 6658043,
@@ -214,106 +212,7 @@ static dfcgs_status make_scale_model(dfcgs_arena *arena, const masters *tables, 
     return dfcgs_make_model(arena, (uint32_t)size, cumulative, model);
 }
 
-/* --- 10.6: split tables, of integers of up to 448 bits
- * ---------------------------------------------------------- */
-
-static const uint16_t SPLIT_ALPHAS[DFCGS_NUM_BIASES] = {1,  2,  3,  4,  6,  8,   12,  16,
-                                                        24, 32, 48, 64, 96, 128, 256, 1024};
-enum { LIMBS = 16 };
-typedef struct {
-    uint32_t limb[LIMBS];
-} big;
-
-static void big_multiply(big *a, uint32_t by) {
-    uint64_t carry = 0;
-    for (int i = 0; i < LIMBS; i++) {
-        carry += (uint64_t)a->limb[i] * by;
-        a->limb[i] = (uint32_t)carry;
-        carry >>= 32;
-    }
-}
-
-static void big_divide(big *a, uint32_t by) {
-    uint64_t rest = 0;
-    for (int i = LIMBS - 1; i >= 0; i--) {
-        rest = rest << 32 | a->limb[i];
-        a->limb[i] = (uint32_t)(rest / by);
-        rest %= by;
-    }
-}
-
-static void big_add(big *a, const big *b) {
-    uint64_t carry = 0;
-    for (int i = 0; i < LIMBS; i++) {
-        carry += (uint64_t)a->limb[i] + b->limb[i];
-        a->limb[i] = (uint32_t)carry;
-        carry >>= 32;
-    }
-}
-
-static int big_less(const big *a, const big *b) {
-    for (int i = LIMBS - 1; i >= 0; i--)
-        if (a->limb[i] != b->limb[i]) return a->limb[i] < b->limb[i];
-    return 0;
-}
-
-static void big_subtract(big *a, const big *b) {
-    int64_t borrow = 0;
-    for (int i = 0; i < LIMBS; i++) {
-        borrow += (int64_t)a->limb[i] - b->limb[i];
-        a->limb[i] = (uint32_t)borrow;
-        borrow >>= 32;
-    }
-}
-
-/* (w << 30) // total, w <= total */
-static int64_t share_of(big w, const big *total) {
-    int64_t share = 0;
-    for (int i = 0; i <= 30; i++) {
-        if (!big_less(&w, total)) {
-            big_subtract(&w, total);
-            share |= (int64_t)1 << (30 - i);
-        }
-        big_multiply(&w, 2);
-    }
-    return share;
-}
-
-/* binomial(count, k) * rising[k] * rising[count - k] */
-static big split_weight(uint32_t alpha, int count, int k) {
-    big w = {{1}};
-    for (int i = 0; i < k; i++) {
-        big_multiply(&w, (uint32_t)(count - i));
-        big_divide(&w, (uint32_t)(i + 1));
-    }
-    for (int i = 0; i < k; i++) big_multiply(&w, alpha + 8 * (uint32_t)i);
-    for (int i = 0; i < count - k; i++) big_multiply(&w, alpha + 8 * (uint32_t)i);
-    return w;
-}
-
-static void fill_split(int bias, int count, uint32_t *cumulative) {
-    int64_t weights[DFCGS_MAX_SPLIT_COUNT + 1];
-    big total = {{0}};
-    for (int k = 0; k <= count; k++) {
-        big w = split_weight(SPLIT_ALPHAS[bias], count, k);
-        big_add(&total, &w);
-    }
-    for (int k = 0; k <= count; k++)
-        weights[k] = share_of(split_weight(SPLIT_ALPHAS[bias], count, k), &total);
-    dfcgs_from_weights(weights, (uint32_t)count + 1, cumulative);
-}
-
-const dfcgs_model *dfcgs_split_model(dfcgs_models *models, int bias, int count) {
-    dfcgs_model *model = &models->split[bias][count];
-    if (model->size == 0) {
-        fill_split(bias, count, (uint32_t *)model->cumulative);
-        model->size = (uint32_t)count + 1;
-    }
-    return model;
-}
-
-/* -------------------------------------------------------------------------------------------------------------
- */
+/* ----------------------------------------------------------------------------------------------------- */
 
 static dfcgs_status make_scale_models(dfcgs_arena *arena, const masters *tables, dfcgs_models *models) {
     for (int shape = 0; shape < DFCGS_NUM_SHAPES; shape++)

@@ -41,8 +41,7 @@ dfcgs_status dfcgs_bind_levels(dfcgs_arena *arena, const int32_t *cells, dfcgs_f
     return DFCGS_OK;
 }
 
-/* --- 14.4
- * ---------------------------------------------------------------------------------------------------- */
+/* --- 14.4 -------------------------------------------------------------------------------------------- */
 
 static int64_t entry(int64_t product) { return dfcgs_round_shift(product, ENTRY_SHIFT); }
 
@@ -145,8 +144,7 @@ dfcgs_status dfcgs_move_field(dfcgs_field *field, const int32_t *symbols, int tr
     return DFCGS_OK;
 }
 
-/* --- 14.5
- * ---------------------------------------------------------------------------------------------------- */
+/* --- 14.5 -------------------------------------------------------------------------------------------- */
 
 static void turn_from_left(const int64_t turn[3], int32_t *rotation) {
     int64_t by[4], q[4] = {rotation[0], rotation[1], rotation[2], rotation[3]};
@@ -178,8 +176,7 @@ void dfcgs_carry(const dfcgs_field *field, const dfcgs_binding *bindings, const 
     }
 }
 
-/* --- 14.6
- * ---------------------------------------------------------------------------------------------------- */
+/* --- 14.6 -------------------------------------------------------------------------------------------- */
 
 static void learn_point(dfcgs_binding *binding, int64_t moved[DFCGS_NUM_CANDIDATES][3],
                         const int64_t actual[3], int64_t unit) {
@@ -233,8 +230,7 @@ void dfcgs_learn_field(dfcgs_field *field, int translation_step) {
                                                -DFCGS_STATE_LIMIT, DFCGS_STATE_LIMIT);
 }
 
-/* --- 14.3
- * ---------------------------------------------------------------------------------------------------- */
+/* --- 14.3 -------------------------------------------------------------------------------------------- */
 
 static uint8_t limited(int value) { return (uint8_t)(value < INPUT_LIMIT ? value : INPUT_LIMIT); }
 

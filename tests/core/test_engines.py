@@ -28,6 +28,7 @@ from tools.mutations import SMALL, mutated, streams
 
 STREAMS = ROOT / "tests" / "conformance"
 VALID = sorted((STREAMS / "valid").glob("*.dgs"))
+UNCOMMON = sorted((STREAMS / "uncommon").glob("*.dgs"))
 FAULTY = sorted((STREAMS / "faulty").glob("*.dgs"))
 ARRAYS = ("positions", "rotations", "scales", "opacities", "sh_dc", "sh_rest")
 
@@ -54,7 +55,7 @@ def outcome(data: bytes, name: str, *, check: bool = True) -> list[tuple[object,
     return found
 
 
-@pytest.mark.parametrize("path", [*VALID, *FAULTY], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [*VALID, *UNCOMMON, *FAULTY], ids=lambda path: path.stem)
 def test_conformance_streams(path: Path) -> None:
     data = path.read_bytes()
     assert outcome(data, "core") == outcome(data, "numpy")
