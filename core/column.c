@@ -4,7 +4,8 @@
 
 enum { BASE_CONTEXT = 31, SIZE_SHIFT = 11, FRACTION_BITS = 16, MEAN_BITS = 8, BLOCK = 1024 };
 
-/* A column under way. `learned`, `size` [count]: what features and sources add up to; NULL where all weights are 0. */
+/* A column under way. `learned`, `size` [count]: what features and sources add up to; NULL where all weights
+ * are 0. */
 typedef struct {
     dfcgs_stream *s;
     const dfcgs_column_shape *shape;
@@ -21,7 +22,8 @@ typedef struct {
     const int64_t *mean, *deviation;
 } pass;
 
-/* --- what earlier columns say ---------------------------------------------------------------------------------- */
+/* --- what earlier columns say
+ * ---------------------------------------------------------------------------------- */
 
 static void add_features(int64_t *sum, const int32_t *feature, uint32_t count, int64_t weight) {
     for (uint32_t i = 0; i < count; i++) sum[i] += feature[i] * weight;
@@ -33,7 +35,8 @@ static void add_sources(int64_t *sum, const int32_t *source, uint32_t count, int
 
 /* Sums [count] over all columns with weights other than 0, block by block, so that they stay in the cache. */
 static dfcgs_status weighted_sums(dfcgs_stream *s, const dfcgs_column_shape *shape, const int64_t *weights,
-                                  void (*add)(int64_t *, const int32_t *, uint32_t, int64_t), const int64_t **sums) {
+                                  void (*add)(int64_t *, const int32_t *, uint32_t, int64_t),
+                                  const int64_t **sums) {
     uint32_t count = shape->levels.count;
     int64_t *sum, any = 0;
     *sums = NULL;
@@ -49,7 +52,8 @@ static dfcgs_status weighted_sums(dfcgs_stream *s, const dfcgs_column_shape *sha
     return DFCGS_OK;
 }
 
-/* --- a pass ---------------------------------------------------------------------------------------------------- */
+/* --- a pass
+ * ---------------------------------------------------------------------------------------------------- */
 
 static void predict(const walk *w, const pass *p, int64_t *predictions) {
     int64_t center = w->center;
@@ -87,8 +91,9 @@ static dfcgs_status too_large(dfcgs_stream *s) {
 }
 
 /* Symbols as 32 bits, which hold all that is not too large. */
-static dfcgs_status limited(dfcgs_stream *s, const int64_t *symbols, uint32_t count, const dfcgs_row_steps *steps,
-                            size_t first, size_t stride, uint32_t wrap, int32_t *narrow) {
+static dfcgs_status limited(dfcgs_stream *s, const int64_t *symbols, uint32_t count,
+                            const dfcgs_row_steps *steps, size_t first, size_t stride, uint32_t wrap,
+                            int32_t *narrow) {
     int64_t limits[DFCGS_NUM_COARSENESS];
     for (int c = 0; c < DFCGS_NUM_COARSENESS; c++)
         limits[c] = steps->class || c == 0 ? 2 * (int64_t)DFCGS_STATE_LIMIT / steps->step[c] : 0;
@@ -101,8 +106,9 @@ static dfcgs_status limited(dfcgs_stream *s, const int64_t *symbols, uint32_t co
     return DFCGS_OK;
 }
 
-dfcgs_status dfcgs_worths(dfcgs_stream *s, const int64_t *symbols, uint32_t count, const dfcgs_row_steps *steps,
-                          size_t first, size_t stride, uint32_t wrap, int alternating, int32_t *worth) {
+dfcgs_status dfcgs_worths(dfcgs_stream *s, const int64_t *symbols, uint32_t count,
+                          const dfcgs_row_steps *steps, size_t first, size_t stride, uint32_t wrap,
+                          int alternating, int32_t *worth) {
     size_t mark = s->arena->used;
     uint8_t *second = NULL;
     DFCGS_TRY(limited(s, symbols, count, steps, first, stride, wrap, worth));
@@ -123,7 +129,8 @@ static dfcgs_status keep(walk *w, const pass *p, const int64_t *predictions, con
         size_t row = p->first + i * p->stride;
         int64_t value = predictions[i] + worth[i];
         if (value < -DFCGS_STATE_LIMIT || value > DFCGS_STATE_LIMIT)
-            return dfcgs_corrupt(w->s->error, DFCGS_NO_OFFSET, "a reconstructed value leaves the range of the state");
+            return dfcgs_corrupt(w->s->error, DFCGS_NO_OFFSET,
+                                 "a reconstructed value leaves the range of the state");
         w->values[row] = (int32_t)value;
         if (w->residuals) w->residuals[row] = worth[i];
     }
@@ -146,8 +153,8 @@ static dfcgs_status code_pass(walk *w, const pass *p, int is_base) {
     if (is_base) memset(contexts, BASE_CONTEXT, p->count);
     else find_contexts(w, p, contexts);
     DFCGS_TRY(dfcgs_residuals(w->s, contexts, p->count, w->tables, symbols));
-    DFCGS_TRY(dfcgs_worths(w->s, symbols, p->count, &shape->steps, p->first, p->stride, p->count, shape->alternating,
-                           worth));
+    DFCGS_TRY(dfcgs_worths(w->s, symbols, p->count, &shape->steps, p->first, p->stride, p->count,
+                           shape->alternating, worth));
     DFCGS_TRY(keep(w, p, predictions, worth));
     arena->used = mark;
     return DFCGS_OK;
@@ -182,9 +189,11 @@ static dfcgs_status code_passes(walk *w) {
     return DFCGS_OK;
 }
 
-/* --------------------------------------------------------------------------------------------------------------- */
+/* ---------------------------------------------------------------------------------------------------------------
+ */
 
-dfcgs_status dfcgs_column(dfcgs_stream *s, const dfcgs_column_shape *shape, int32_t *values, int32_t *residuals) {
+dfcgs_status dfcgs_column(dfcgs_stream *s, const dfcgs_column_shape *shape, int32_t *values,
+                          int32_t *residuals) {
     size_t mark = s->arena->used;
     walk w = {.s = s, .shape = shape, .values = values, .residuals = residuals};
     int64_t weights[1 + DFCGS_MAX_EARLIER], size_weights[2 + DFCGS_MAX_EARLIER];

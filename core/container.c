@@ -8,9 +8,11 @@ static const uint8_t MAGIC[MAGIC_BYTES] = {0x89, 0x44, 0x47, 0x53, 0x0d, 0x0a, 0
 static dfcgs_status check_magic(dfcgs_reader *r) {
     const uint8_t *bytes;
     for (size_t i = 0; i < MAGIC_BYTES && i < r->size; i++)
-        if (r->data[i] != MAGIC[i]) return dfcgs_refuse(r->error, DFCGS_NOT_OURS, DFCGS_NO_OFFSET, "not a dfcgs file");
+        if (r->data[i] != MAGIC[i])
+            return dfcgs_refuse(r->error, DFCGS_NOT_OURS, DFCGS_NO_OFFSET, "not a dfcgs file");
     if (r->size < MAGIC_BYTES)
-        return dfcgs_refuse(r->error, DFCGS_TRUNCATED, (int64_t)r->size, "the file ends inside its magic number");
+        return dfcgs_refuse(r->error, DFCGS_TRUNCATED, (int64_t)r->size,
+                            "the file ends inside its magic number");
     return dfcgs_raw(r, MAGIC_BYTES, &bytes);
 }
 
@@ -48,10 +50,18 @@ static dfcgs_status check_crc(dfcgs_reader *r, const dfcgs_chunk *chunk) {
 
 static int is_known(int type) {
     switch (type) {
-    case DFCGS_CHUNK_SEQUENCE: case DFCGS_CHUNK_INTRA: case DFCGS_CHUNK_INTER: case DFCGS_CHUNK_HYPERPRIOR:
-    case DFCGS_CHUNK_MOTION: case DFCGS_CHUNK_TOPOLOGY: case DFCGS_CHUNK_RESIDUAL: case DFCGS_CHUNK_ESCAPES:
-    case DFCGS_CHUNK_INDEX: case DFCGS_CHUNK_END: case CHUNK_INFO: case CHUNK_COMMENTS:
-        return 1;
+    case DFCGS_CHUNK_SEQUENCE:
+    case DFCGS_CHUNK_INTRA:
+    case DFCGS_CHUNK_INTER:
+    case DFCGS_CHUNK_HYPERPRIOR:
+    case DFCGS_CHUNK_MOTION:
+    case DFCGS_CHUNK_TOPOLOGY:
+    case DFCGS_CHUNK_RESIDUAL:
+    case DFCGS_CHUNK_ESCAPES:
+    case DFCGS_CHUNK_INDEX:
+    case DFCGS_CHUNK_END:
+    case CHUNK_INFO:
+    case CHUNK_COMMENTS: return 1;
     default: return 0;
     }
 }
@@ -63,7 +73,8 @@ static dfcgs_status next_chunk(dfcgs_file *file, dfcgs_chunk *chunk) {
         DFCGS_TRY(read_head(r, chunk));
         if (is_known(chunk->type)) return DFCGS_OK;
         if (!(chunk->type & ANCILLARY_BIT))
-            return dfcgs_refuse(r->error, DFCGS_UNSUPPORTED, chunk->offset, "an unknown chunk: a newer decoder is needed");
+            return dfcgs_refuse(r->error, DFCGS_UNSUPPORTED, chunk->offset,
+                                "an unknown chunk: a newer decoder is needed");
         DFCGS_TRY(check_crc(r, chunk));
     }
 }
@@ -96,7 +107,8 @@ static dfcgs_status side_chunk(dfcgs_file *file, const dfcgs_decoder *decoder, c
     dfcgs_reader *r = &file->reader;
     if (chunk->type == DFCGS_CHUNK_END && dfcgs_left(r))
         return dfcgs_corrupt(r->error, dfcgs_offset(r), "bytes after the end chunk");
-    if (chunk->type < DFCGS_CHUNK_INDEX) return dfcgs_corrupt(r->error, chunk->offset, "a chunk stands where it may not");
+    if (chunk->type < DFCGS_CHUNK_INDEX)
+        return dfcgs_corrupt(r->error, chunk->offset, "a chunk stands where it may not");
     DFCGS_TRY(check_crc(r, chunk));
     if (chunk->type != DFCGS_CHUNK_END) return DFCGS_OK;
     file->has_ended = 1;
@@ -108,14 +120,16 @@ dfcgs_status dfcgs_open_file(dfcgs_file *file, dfcgs_decoder *decoder, const uin
                              const uint8_t model_hash[DFCGS_MODEL_HASH_BYTES]) {
     dfcgs_chunk chunk;
     int differs = 0;
-    *file = (dfcgs_file){.reader = {.data = data, .size = size, .shortage = DFCGS_TRUNCATED, .error = &decoder->error}};
+    *file = (dfcgs_file){
+        .reader = {.data = data, .size = size, .shortage = DFCGS_TRUNCATED, .error = &decoder->error}};
     DFCGS_TRY(check_magic(&file->reader));
     DFCGS_TRY(read_head(&file->reader, &chunk));
     if (chunk.type != DFCGS_CHUNK_SEQUENCE)
         return dfcgs_corrupt(&decoder->error, MAGIC_BYTES, "the first chunk is not a sequence header");
     DFCGS_TRY(check_crc(&file->reader, &chunk));
     DFCGS_TRY(dfcgs_begin(decoder, chunk.payload, chunk.payload_size, chunk.payload_offset));
-    for (int i = 0; i < DFCGS_MODEL_HASH_BYTES; i++) differs |= model_hash[i] ^ decoder->sequence.model_hash[i];
+    for (int i = 0; i < DFCGS_MODEL_HASH_BYTES; i++)
+        differs |= model_hash[i] ^ decoder->sequence.model_hash[i];
     if (differs || decoder->sequence.profile != DFCGS_MAIN)
         return dfcgs_refuse(&decoder->error, DFCGS_MODEL, DFCGS_NO_OFFSET, "coded with another model");
     return DFCGS_OK;

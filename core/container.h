@@ -10,8 +10,8 @@ typedef struct {
     int has_ended;
 } dfcgs_file;
 
-/* Checks the magic number and reads the sequence header; the decoder was opened with the model of `model_hash`. The file's
-   bytes stay the caller's. Limits of the decoder's budget may be set then. */
+/* Checks the magic number and reads the sequence header; the decoder was opened with the model of
+   `model_hash`. The file's bytes stay the caller's. Limits of the decoder's budget may be set then. */
 dfcgs_status dfcgs_open_file(dfcgs_file *file, dfcgs_decoder *decoder, const uint8_t *data, size_t size,
                              const uint8_t model_hash[DFCGS_MODEL_HASH_BYTES]);
 /* Decodes the next frame; `*is_there` 0 behind the last one, when the file was right to its end. */

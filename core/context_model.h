@@ -30,10 +30,10 @@ typedef struct {
     int32_t control_weights[DFCGS_CONTROL_COLUMNS][DFCGS_CONTROL_WEIGHTS];
 } dfcgs_context_model;
 
-/* From `words`: the networks flags, columns and control (network.h), flags.frequencies, densities.frequencies,
-   magnitudes.tables, control.weights; then of columns and of control the tables, the number of rows, and the rows of
-   frequencies. DFCGS_MODEL for anything else. */
-dfcgs_status dfcgs_read_context_model(dfcgs_arena *arena, const dfcgs_models *models, const int32_t *words, uint32_t count,
-                                      dfcgs_context_model *model);
+/* From `words`: the networks flags, columns and control (network.h), flags.frequencies,
+   densities.frequencies, magnitudes.tables, control.weights; then of columns and of control the tables, the
+   number of rows, and the rows of frequencies. DFCGS_MODEL for anything else. */
+dfcgs_status dfcgs_read_context_model(dfcgs_arena *arena, const dfcgs_models *models, const int32_t *words,
+                                      uint32_t count, dfcgs_context_model *model);
 
 #endif

@@ -17,7 +17,8 @@ static int reaches(uintptr_t end) { return end != 0; }
 
 void *dfcgs_take(dfcgs_arena *arena, size_t count, size_t width) {
     size_t start = (arena->used + 15) & ~(size_t)15, bytes;
-    if (__builtin_mul_overflow(count, width, &bytes) || start > arena->size || bytes > arena->size - start) return NULL;
+    if (__builtin_mul_overflow(count, width, &bytes) || start > arena->size || bytes > arena->size - start)
+        return NULL;
     if (!reaches((uintptr_t)arena->base + start + bytes)) return NULL;
     arena->used = start + bytes;
     if (arena->used > arena->peak) arena->peak = arena->used;

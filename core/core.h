@@ -1,7 +1,8 @@
-/* What all parts of the core share: status, arena, exact integer arithmetic (chapter 1.2 of bitstream_spec.md).
+/* What all parts of the core share: status, arena, exact integer arithmetic (chapter 1.2 of
+   bitstream_spec.md).
 
-   C11, integers only but in the output process, no libc. Nothing here is allocated but from an arena that the caller
-   sizes; what lies in an arena lives until its mark is restored. */
+   C11, integers only but in the output process, no libc. Nothing here is allocated but from an arena that the
+   caller sizes; what lies in an arena lives until its mark is restored. */
 #ifndef DFCGS_CORE_H
 #define DFCGS_CORE_H
 
@@ -17,23 +18,23 @@
 
 typedef enum {
     DFCGS_OK = 0,
-    DFCGS_CORRUPT,       /* CorruptBitstream */
-    DFCGS_TRUNCATED,     /* TruncatedBitstream: more bytes are needed */
-    DFCGS_UNSUPPORTED,   /* UnsupportedBitstream */
-    DFCGS_LIMIT,         /* LimitExceeded */
-    DFCGS_MODEL,         /* ModelMismatch */
-    DFCGS_HASH,          /* HashMismatch: the state is not what the file's hash says */
-    DFCGS_MEMORY,        /* the arena is too small; says nothing about the file */
-    DFCGS_RESOURCES,     /* ResourceLimit: more than the caller allows */
-    DFCGS_NOT_OURS,      /* NotADgsFile */
-    DFCGS_MISUSE         /* the caller asked for what cannot be: no fault of the file */
+    DFCGS_CORRUPT,     /* CorruptBitstream */
+    DFCGS_TRUNCATED,   /* TruncatedBitstream: more bytes are needed */
+    DFCGS_UNSUPPORTED, /* UnsupportedBitstream */
+    DFCGS_LIMIT,       /* LimitExceeded */
+    DFCGS_MODEL,       /* ModelMismatch */
+    DFCGS_HASH,        /* HashMismatch: the state is not what the file's hash says */
+    DFCGS_MEMORY,      /* the arena is too small; says nothing about the file */
+    DFCGS_RESOURCES,   /* ResourceLimit: more than the caller allows */
+    DFCGS_NOT_OURS,    /* NotADgsFile */
+    DFCGS_MISUSE       /* the caller asked for what cannot be: no fault of the file */
 } dfcgs_status;
 
 /* `return` what went wrong, if anything did. */
-#define DFCGS_TRY(call)                                                                                               \
-    do {                                                                                                              \
-        dfcgs_status try_status_ = (call);                                                                            \
-        if (try_status_ != DFCGS_OK) return try_status_;                                                              \
+#define DFCGS_TRY(call)                                                                                      \
+    do {                                                                                                     \
+        dfcgs_status try_status_ = (call);                                                                   \
+        if (try_status_ != DFCGS_OK) return try_status_;                                                     \
     } while (0)
 
 /* A bump allocator. A mark is the value of `used`; storing it back frees what was taken since. */
@@ -42,8 +43,8 @@ typedef struct {
     size_t size, used, peak;
 } dfcgs_arena;
 
-/* `count` times `width` bytes, 16-byte aligned, not cleared; NULL when the arena is full or the product overflows.
-   Zero bytes are a pointer that is not NULL. */
+/* `count` times `width` bytes, 16-byte aligned, not cleared; NULL when the arena is full or the product
+   overflows. Zero bytes are a pointer that is not NULL. */
 void *dfcgs_take(dfcgs_arena *arena, size_t count, size_t width);
 void *dfcgs_take_zeros(dfcgs_arena *arena, size_t count, size_t width);
 
@@ -72,19 +73,29 @@ DFCGS_INLINE dfcgs_status dfcgs_corrupt(dfcgs_error *error, int64_t offset, cons
 #define DFCGS_NO_OFFSET ((int64_t)-1)
 
 /* Take memory or return DFCGS_MEMORY. */
-#define DFCGS_GET(variable, arena, type, count)                                                                       \
-    do {                                                                                                              \
-        if (!((variable) = DFCGS_TAKE(arena, type, count))) return DFCGS_MEMORY;                                      \
+#define DFCGS_GET(variable, arena, type, count)                                                              \
+    do {                                                                                                     \
+        if (!((variable) = DFCGS_TAKE(arena, type, count))) return DFCGS_MEMORY;                             \
     } while (0)
-#define DFCGS_GET_ZEROS(variable, arena, type, count)                                                                 \
-    do {                                                                                                              \
-        if (!((variable) = DFCGS_ZEROS(arena, type, count))) return DFCGS_MEMORY;                                     \
+#define DFCGS_GET_ZEROS(variable, arena, type, count)                                                        \
+    do {                                                                                                     \
+        if (!((variable) = DFCGS_ZEROS(arena, type, count))) return DFCGS_MEMORY;                            \
     } while (0)
 
-/* --- 3, 4.2: numbers that several chapters use ------------------------------------------------------------ */
+/* --- 3, 4.2: numbers that several chapters use ------------------------------------------------------------
+ */
 
 #define DFCGS_STATE_LIMIT 536870911 /* 2**29 - 1 */
-enum { DFCGS_POSITION, DFCGS_SCALE, DFCGS_ROTATION, DFCGS_OPACITY, DFCGS_SH_DC, DFCGS_SH_1, DFCGS_SH_2, DFCGS_SH_3 };
+enum {
+    DFCGS_POSITION,
+    DFCGS_SCALE,
+    DFCGS_ROTATION,
+    DFCGS_OPACITY,
+    DFCGS_SH_DC,
+    DFCGS_SH_1,
+    DFCGS_SH_2,
+    DFCGS_SH_3
+};
 enum { DFCGS_MAX_ATTRIBUTES = 8 };
 
 /* Columns of an attribute's plane in the state. Planes are int32, row-major [N][columns]. */
@@ -100,11 +111,14 @@ typedef struct {
     int32_t *planes[DFCGS_MAX_ATTRIBUTES]; /* [N][columns] */
 } dfcgs_state;
 
-/* --- 1.2: arithmetic --------------------------------------------------------------------------------------- */
+/* --- 1.2: arithmetic ---------------------------------------------------------------------------------------
+ */
 
 DFCGS_INLINE int64_t dfcgs_min(int64_t a, int64_t b) { return a < b ? a : b; }
 DFCGS_INLINE int64_t dfcgs_max(int64_t a, int64_t b) { return a > b ? a : b; }
-DFCGS_INLINE int64_t dfcgs_clip(int64_t a, int64_t low, int64_t high) { return a < low ? low : a > high ? high : a; }
+DFCGS_INLINE int64_t dfcgs_clip(int64_t a, int64_t low, int64_t high) {
+    return a < low ? low : a > high ? high : a;
+}
 DFCGS_INLINE int64_t dfcgs_abs(int64_t a) { return a < 0 ? -a : a; }
 DFCGS_INLINE int dfcgs_sign(int64_t a) { return (a > 0) - (a < 0); }
 

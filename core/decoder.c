@@ -8,16 +8,19 @@
 
 enum { NUM_MOTION_STREAMS = 2 };
 
-/* --- setting up ------------------------------------------------------------------------------------------------------ */
+/* --- setting up
+ * ------------------------------------------------------------------------------------------------------ */
 
 /* Fills in the record where whoever refused did not. */
 static dfcgs_status recorded(dfcgs_decoder *d, dfcgs_status status, const char *message) {
-    if (status != DFCGS_OK && d->error.status != status) dfcgs_refuse(&d->error, status, DFCGS_NO_OFFSET, message);
+    if (status != DFCGS_OK && d->error.status != status)
+        dfcgs_refuse(&d->error, status, DFCGS_NO_OFFSET, message);
     return status;
 }
 
 static dfcgs_reader reader_of(dfcgs_decoder *d, const uint8_t *data, size_t size, int64_t offset) {
-    return (dfcgs_reader){.data = data, .size = size, .base = offset, .shortage = DFCGS_CORRUPT, .error = &d->error};
+    return (dfcgs_reader){
+        .data = data, .size = size, .base = offset, .shortage = DFCGS_CORRUPT, .error = &d->error};
 }
 
 static dfcgs_stream stream_of(dfcgs_decoder *d) {
@@ -25,7 +28,8 @@ static dfcgs_stream stream_of(dfcgs_decoder *d) {
 }
 
 dfcgs_status dfcgs_open(dfcgs_decoder *decoder, const int32_t *words, uint32_t num_words) {
-    DFCGS_TRY(recorded(decoder, dfcgs_make_models(&decoder->arena, &decoder->models), "no memory for tables"));
+    DFCGS_TRY(
+        recorded(decoder, dfcgs_make_models(&decoder->arena, &decoder->models), "no memory for tables"));
     dfcgs_status status =
         dfcgs_read_context_model(&decoder->arena, &decoder->models, words, num_words, &decoder->model);
     return recorded(decoder, status, "the arrays of the model do not fit each other");
@@ -56,7 +60,8 @@ uint8_t *dfcgs_payload_room(dfcgs_decoder *decoder, int type, size_t size) {
     return DFCGS_TAKE(&decoder->arena, uint8_t, size);
 }
 
-/* --- the end of a frame ------------------------------------------------------------------------------------------------- */
+/* --- the end of a frame
+ * ------------------------------------------------------------------------------------------------- */
 
 /* Where the arena is free when the frame is done: behind the GoF and the escapes that stay. */
 static void settle(dfcgs_decoder *d) {
@@ -81,10 +86,13 @@ static dfcgs_status finish_frame(dfcgs_decoder *d) {
     dfcgs_frame_hash(&d->gof, d->escapes, d->escape_bytes, hash);
     for (int i = 0; i < DFCGS_HASH_BYTES; i++) differs |= hash[i] ^ d->frame.hash[i];
     if (!differs) return DFCGS_OK;
-    return dfcgs_refuse(&d->error, DFCGS_HASH, d->frame.offset, "the frame decodes to other values than its encoder had");
+    return dfcgs_refuse(&d->error, DFCGS_HASH, d->frame.offset,
+                        "the frame decodes to other values than its encoder had");
 }
 
-/* --- I-frames -------------------------------------------------------------------------------------------------------------- */
+/* --- I-frames
+ * --------------------------------------------------------------------------------------------------------------
+ */
 
 static dfcgs_state state_of(const dfcgs_gof *gof) {
     dfcgs_state state = {.count = gof->count, .num_attributes = gof->num_attributes};
@@ -97,14 +105,15 @@ static dfcgs_status decode_intra(dfcgs_decoder *d, dfcgs_streams *streams, const
     dfcgs_intra_frame frame = {state_of(gof), gof->cover, gof->order};
     if (header->kind == DFCGS_CODED)
         return dfcgs_coded_intra(streams, &d->sequence, &header->coding, header->has_permutation, &frame);
-    DFCGS_TRY(dfcgs_verbatim_intra(streams, gof->num_attributes, header->has_permutation, gof->count, gof->patterns,
-                                   gof->order));
+    DFCGS_TRY(dfcgs_verbatim_intra(streams, gof->num_attributes, header->has_permutation, gof->count,
+                                   gof->patterns, gof->order));
     dfcgs_verbatim_state(&d->sequence, gof->patterns, &frame.state);
     return DFCGS_OK;
 }
 
 /* Reads the lengths of streams, and stands before the first one. */
-static dfcgs_status open_streams(dfcgs_decoder *d, dfcgs_reader *r, int count, uint64_t *lengths, dfcgs_streams *streams) {
+static dfcgs_status open_streams(dfcgs_decoder *d, dfcgs_reader *r, int count, uint64_t *lengths,
+                                 dfcgs_streams *streams) {
     DFCGS_TRY(dfcgs_read_lengths(r, count, lengths));
     return dfcgs_open_streams(streams, r, lengths, count, stream_of(d));
 }
@@ -129,7 +138,9 @@ static dfcgs_status put_intra(dfcgs_decoder *d, dfcgs_reader *r) {
     return header.has_escapes ? DFCGS_OK : finish_frame(d);
 }
 
-/* --- TOPOLOGY ------------------------------------------------------------------------------------------------------------- */
+/* --- TOPOLOGY
+ * -------------------------------------------------------------------------------------------------------------
+ */
 
 /* Who survives: `kept` [count]. */
 static dfcgs_status read_removals(dfcgs_decoder *d, dfcgs_streams *streams, uint32_t *kept) {
@@ -154,7 +165,7 @@ static dfcgs_status read_births(dfcgs_decoder *d, dfcgs_streams *streams) {
     uint32_t count = d->frame.topology.num_births;
     births->state = (dfcgs_state){.count = count, .num_attributes = d->gof.num_attributes};
     for (int a = 0; a < d->gof.num_attributes; a++)
-        DFCGS_GET(births->state.planes[a], &d->arena, int32_t, (size_t)count * (size_t)dfcgs_columns(a));
+        DFCGS_GET(births->state.planes[a], &d->arena, int32_t, (size_t)count *(size_t)dfcgs_columns(a));
     DFCGS_GET(births->cover, &d->arena, uint8_t, count);
     dfcgs_intra_frame frame = {births->state, births->cover, NULL};
     return dfcgs_coded_intra(streams, &d->sequence, &d->frame.topology.coding, 0, &frame);
@@ -209,7 +220,8 @@ static dfcgs_status put_topology(dfcgs_decoder *d, dfcgs_reader *r) {
     uint64_t lengths[DFCGS_MAX_STREAMS];
     DFCGS_TRY(dfcgs_read_topology(r, &d->sequence, d->gof.count, &f->topology));
     f->num_gaussians = d->gof.count - header->num_removals + header->num_births;
-    if (header->num_births) DFCGS_TRY(dfcgs_charge_births(&d->budget, f->index, header->num_births, f->num_gaussians));
+    if (header->num_births)
+        DFCGS_TRY(dfcgs_charge_births(&d->budget, f->index, header->num_births, f->num_gaussians));
     int births = header->num_births ? d->gof.num_attributes + 2 : 0;
     int num_streams = (header->num_removals > 0) + births + header->has_permutation;
     DFCGS_TRY(open_streams(d, r, num_streams, lengths, &streams));
@@ -230,14 +242,17 @@ static dfcgs_status finish_topology(dfcgs_decoder *d) {
     return DFCGS_OK;
 }
 
-/* --- MOTION --------------------------------------------------------------------------------------------------------------- */
+/* --- MOTION
+ * ---------------------------------------------------------------------------------------------------------------
+ */
 
 static dfcgs_status charge_symbols(void *whom, uint64_t num_symbols) {
     dfcgs_decoder *d = whom;
     return dfcgs_charge_symbols(&d->budget, d->frame.index, d->frame.num_gaussians, num_symbols);
 }
 
-static dfcgs_status open_charged(dfcgs_decoder *d, dfcgs_reader *r, int count, uint64_t *lengths, dfcgs_streams *streams) {
+static dfcgs_status open_charged(dfcgs_decoder *d, dfcgs_reader *r, int count, uint64_t *lengths,
+                                 dfcgs_streams *streams) {
     DFCGS_TRY(open_streams(d, r, count, lengths, streams));
     streams->charge = charge_symbols;
     streams->whom = d;
@@ -253,8 +268,8 @@ static dfcgs_status read_motion_streams(dfcgs_decoder *d, dfcgs_reader *r) {
     DFCGS_TRY(dfcgs_next_stream(&streams, &s));
     DFCGS_TRY(dfcgs_read_followers(s, gof->count, gof->modes, gof->follows));
     DFCGS_TRY(dfcgs_next_stream(&streams, &s));
-    DFCGS_TRY(dfcgs_read_control(s, &d->model.control, d->model.control_weights, &gof->points.field, gof->points.order,
-                                 &d->frame.motion, gof->points.symbols));
+    DFCGS_TRY(dfcgs_read_control(s, &d->model.control, d->model.control_weights, &gof->points.field,
+                                 gof->points.order, &d->frame.motion, gof->points.symbols));
     return dfcgs_close_streams(&streams);
 }
 
@@ -265,7 +280,8 @@ static dfcgs_status put_motion(dfcgs_decoder *d, dfcgs_reader *r) {
     DFCGS_TRY(dfcgs_need_points(&d->arena, gof));
     DFCGS_TRY(dfcgs_read_motion(r, &f->motion));
     DFCGS_TRY(read_motion_streams(d, r));
-    DFCGS_TRY(dfcgs_move_field(&gof->points.field, gof->points.symbols, f->motion.translation_step, f->motion.turn_step));
+    DFCGS_TRY(dfcgs_move_field(&gof->points.field, gof->points.symbols, f->motion.translation_step,
+                               f->motion.turn_step));
     DFCGS_GET(f->reference, &d->arena, int32_t, values);
     memcpy(f->reference, gof->planes[DFCGS_POSITION], values * sizeof *f->reference);
     dfcgs_carry(&gof->points.field, gof->bindings, gof->follows, gof->count, f->motion.turn_step > 0,
@@ -284,7 +300,9 @@ static void learn(dfcgs_decoder *d) {
     gof->points.has_moved = 1;
 }
 
-/* --- RESIDUAL ------------------------------------------------------------------------------------------------------------- */
+/* --- RESIDUAL
+ * -------------------------------------------------------------------------------------------------------------
+ */
 
 /* What the streams of a frame share; `coarseness` of attributes with the tool VISIBILITY. */
 typedef struct {
@@ -299,7 +317,7 @@ static dfcgs_status find_coarseness(dfcgs_decoder *d, residual *all) {
     const dfcgs_inter_header *header = &d->frame.header;
     int32_t *weights;
     if (!(header->tools & DFCGS_VISIBILITY)) return DFCGS_OK;
-    DFCGS_GET(weights, &d->arena, int32_t, DFCGS_NUM_SHOWN * (size_t)gof->count);
+    DFCGS_GET(weights, &d->arena, int32_t, DFCGS_NUM_SHOWN *(size_t)gof->count);
     dfcgs_visibility(gof->planes[DFCGS_SCALE], gof->planes[DFCGS_OPACITY], gof->cover, gof->count,
                      d->sequence.scale_exponent, d->sequence.opacity_exponent, weights);
     for (int a = 0; a < gof->num_attributes; a++) {
@@ -317,9 +335,9 @@ static dfcgs_status prepare_residual(dfcgs_decoder *d, residual *all) {
     all->context.model = &d->model;
     DFCGS_TRY(find_coarseness(d, all));
     DFCGS_TRY(dfcgs_gof_levels(&d->arena, gof, &all->context.levels));
-    DFCGS_GET(gaussians, &d->arena, uint8_t, (size_t)gof->count * DFCGS_NUM_GAUSSIAN_INPUTS);
-    dfcgs_gaussian_inputs(gof->points.has_moved ? gof->bindings : NULL, d->frame.has_motion ? gof->follows : NULL,
-                          gof->count, gaussians);
+    DFCGS_GET(gaussians, &d->arena, uint8_t, (size_t)gof->count *DFCGS_NUM_GAUSSIAN_INPUTS);
+    dfcgs_gaussian_inputs(gof->points.has_moved ? gof->bindings : NULL,
+                          d->frame.has_motion ? gof->follows : NULL, gof->count, gaussians);
     all->context.known.gaussians = gaussians;
     DFCGS_GET_ZEROS(all->nothing, &d->arena, uint8_t, dfcgs_num_blocks(gof->count));
     all->context.beside = d->frame.has_motion ? gof->modes : all->nothing;
@@ -362,9 +380,11 @@ static dfcgs_status reconstruct(dfcgs_decoder *d, const residual *all) {
     for (int a = 0; a < gof->num_attributes; a++) {
         if (!(d->frame.header.mask >> a & 1)) continue;
         int32_t step = d->frame.header.steps[a], *symbols = gof->activity[a].symbols;
-        if (a == DFCGS_ROTATION) DFCGS_TRY(dfcgs_turn(gof->planes[a], symbols, gof->count, step, all->coarseness[a]));
+        if (a == DFCGS_ROTATION)
+            DFCGS_TRY(dfcgs_turn(gof->planes[a], symbols, gof->count, step, all->coarseness[a]));
         else
-            DFCGS_TRY(dfcgs_reconstruct(gof->planes[a], symbols, gof->count, dfcgs_columns(a), step, all->coarseness[a]));
+            DFCGS_TRY(dfcgs_reconstruct(gof->planes[a], symbols, gof->count, dfcgs_columns(a), step,
+                                        all->coarseness[a]));
     }
     dfcgs_touch(gof, d->frame.header.mask);
     return DFCGS_OK;
@@ -391,7 +411,9 @@ static dfcgs_status put_residual(dfcgs_decoder *d, dfcgs_reader *r) {
     return DFCGS_OK;
 }
 
-/* --- P-frames ------------------------------------------------------------------------------------------------------------- */
+/* --- P-frames
+ * -------------------------------------------------------------------------------------------------------------
+ */
 
 static dfcgs_status put_escapes(dfcgs_decoder *d, dfcgs_reader *r) {
     uint64_t count;
@@ -428,7 +450,8 @@ static dfcgs_status put_inter(dfcgs_decoder *d, dfcgs_reader *r) {
     DFCGS_TRY(dfcgs_expect_end(r));
     if (f->header.tools || f->header.mask) {
         if (d->gof.count == 0)
-            return dfcgs_corrupt(&d->error, DFCGS_NO_OFFSET, "a P-frame that changes a frame without Gaussians");
+            return dfcgs_corrupt(&d->error, DFCGS_NO_OFFSET,
+                                 "a P-frame that changes a frame without Gaussians");
         d->gof.has_patterns = 0;
         d->escapes = NULL;
     }
@@ -452,7 +475,8 @@ static dfcgs_status put(dfcgs_decoder *d, const dfcgs_chunk *chunk) {
     if (is_inter && !d->gof.is_there)
         return dfcgs_corrupt(&d->error, chunk->offset, "a P-frame without an I-frame before it");
     dfcgs_charge_bytes(&d->budget, chunk->size);
-    if (!is_intra && !is_inter) return chunk->type == d->frame.expects ? put_part(d, &r, chunk->type) : DFCGS_MISUSE;
+    if (!is_intra && !is_inter)
+        return chunk->type == d->frame.expects ? put_part(d, &r, chunk->type) : DFCGS_MISUSE;
     d->frame = (dfcgs_frame){.index = chunk->frame, .offset = chunk->offset, .is_intra = is_intra};
     return is_intra ? put_intra(d, &r) : put_inter(d, &r);
 }
@@ -461,5 +485,6 @@ dfcgs_status dfcgs_put(dfcgs_decoder *decoder, const dfcgs_chunk *chunk) {
     decoder->error = (dfcgs_error){.status = DFCGS_OK, .offset = DFCGS_NO_OFFSET};
     dfcgs_status status = put(decoder, chunk);
     if (status != DFCGS_OK) dfcgs_forget(decoder);
-    return recorded(decoder, status, "a symbol is too large for its step, or a value leaves the range of the state");
+    return recorded(decoder, status,
+                    "a symbol is too large for its step, or a value leaves the range of the state");
 }

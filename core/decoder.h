@@ -1,12 +1,13 @@
-/* The decoder of profile MAIN: takes the chunks of a file one after the other and holds the last frame (5, 6, 9.3). */
+/* The decoder of profile MAIN: takes the chunks of a file one after the other and holds the last frame (5,
+ * 6, 9.3). */
 #ifndef DFCGS_DECODER_H
 #define DFCGS_DECODER_H
 
 #include "context_model.h"
 #include "gof.h"
+#include "intra.h"
 #include "limits.h"
 #include "streams.h"
-#include "intra.h"
 
 /* Chunk types of 3.1. */
 enum {
@@ -22,8 +23,8 @@ enum {
     DFCGS_CHUNK_END = 0x7F
 };
 
-/* A chunk whose checksum was found right. `offset` of its first byte in the file, `payload_offset` of its payload, `size` of
-   all of it. */
+/* A chunk whose checksum was found right. `offset` of its first byte in the file, `payload_offset` of its
+   payload, `size` of all of it. */
 typedef struct {
     int type;
     uint32_t frame;
@@ -73,8 +74,8 @@ void dfcgs_forget(dfcgs_decoder *decoder);
 
 /* Room for the payload of the next chunk; it stays until its frame is done. */
 uint8_t *dfcgs_payload_room(dfcgs_decoder *decoder, int type, size_t size);
-/* Decodes a chunk: INTRA_FRAME or INTER_FRAME, or the one that the frame expects. The frame is whole, and its hash was right,
-   where nothing more is expected. */
+/* Decodes a chunk: INTRA_FRAME or INTER_FRAME, or the one that the frame expects. The frame is whole, and its
+   hash was right, where nothing more is expected. */
 dfcgs_status dfcgs_put(dfcgs_decoder *decoder, const dfcgs_chunk *chunk);
 
 #endif

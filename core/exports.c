@@ -65,7 +65,9 @@ DFCGS_EXPORT void core_reset(uint32_t limit) {
 DFCGS_EXPORT void *core_room(uint32_t size) { return dfcgs_take(&decoder.arena, size, 1); }
 
 /* `words`: the model. */
-DFCGS_EXPORT int core_open(const int32_t *words, uint32_t count) { return report(dfcgs_open(&decoder, words, count)); }
+DFCGS_EXPORT int core_open(const int32_t *words, uint32_t count) {
+    return report(dfcgs_open(&decoder, words, count));
+}
 
 /* The payload of the sequence header, whose first byte is at `offset`; max_gaussians -1 for none. */
 DFCGS_EXPORT int core_begin(const uint8_t *payload, uint32_t size, int64_t offset, int64_t max_memory,
@@ -86,8 +88,8 @@ DFCGS_EXPORT int core_put(int type, uint32_t frame, int64_t offset, int64_t payl
     return report(dfcgs_put(&decoder, &chunk));
 }
 
-/* Instead of core_begin and core_put: a whole file, which lies in memory that core_room gave. Limits are those of the file's
-   level, hashes are checked. */
+/* Instead of core_begin and core_put: a whole file, which lies in memory that core_room gave. Limits are
+   those of the file's level, hashes are checked. */
 DFCGS_EXPORT int core_file(const uint8_t *data, uint32_t size, const uint8_t *model_hash) {
     decoder.check = 1;
     return report(dfcgs_open_file(&file, &decoder, data, size, model_hash));
@@ -108,7 +110,8 @@ DFCGS_EXPORT int core_position_floats(void) { return decoder.sequence.precision 
 /* The frame as floats: those arrays of `info` that are wanted. */
 DFCGS_EXPORT int core_output(int wanted) {
     dfcgs_status status = dfcgs_frame_output(&decoder, wanted, &output);
-    const void *arrays[DFCGS_NUM_ARRAYS] = {output.positions, output.rotations, output.scales, output.opacities, output.sh_dc, output.sh_rest};
+    const void *arrays[DFCGS_NUM_ARRAYS] = {output.positions, output.rotations, output.scales,
+                                            output.opacities, output.sh_dc,     output.sh_rest};
     memcpy(info.arrays, arrays, sizeof arrays);
     return report(status);
 }

@@ -3,7 +3,8 @@
 enum { MAX_UVARINT_BYTES = 10 };
 
 dfcgs_status dfcgs_raw(dfcgs_reader *r, uint64_t count, const uint8_t **bytes) {
-    if (count > dfcgs_left(r)) return dfcgs_refuse(r->error, r->shortage, dfcgs_offset(r), "bytes are missing");
+    if (count > dfcgs_left(r))
+        return dfcgs_refuse(r->error, r->shortage, dfcgs_offset(r), "bytes are missing");
     *bytes = r->data + r->at;
     r->at += (size_t)count;
     return DFCGS_OK;
@@ -88,7 +89,8 @@ dfcgs_status dfcgs_svarints_within(dfcgs_reader *r, int count, int64_t limit, in
 }
 
 dfcgs_status dfcgs_expect_end(dfcgs_reader *r) {
-    return dfcgs_left(r) ? dfcgs_corrupt(r->error, dfcgs_offset(r), "unused bytes after the last field") : DFCGS_OK;
+    return dfcgs_left(r) ? dfcgs_corrupt(r->error, dfcgs_offset(r), "unused bytes after the last field")
+                         : DFCGS_OK;
 }
 
 uint32_t dfcgs_crc32(const uint8_t *data, size_t size) {

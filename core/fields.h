@@ -1,6 +1,7 @@
-/* 2 Fields and variable-length integers, of a payload or of a file.
+/* 1.4 Fields and variable-length integers, of a payload or of a file.
 
-   A reader goes over bytes that belong to somebody else. Each read that fails leaves its reason in `error`. */
+   A reader goes over bytes that belong to somebody else. Each read that fails leaves its reason in `error`.
+ */
 #ifndef DFCGS_FIELDS_H
 #define DFCGS_FIELDS_H
 
@@ -9,8 +10,9 @@
 typedef struct {
     const uint8_t *data;
     size_t size, at;
-    int64_t base;          /* offset of data[0] in the file */
-    dfcgs_status shortage; /* DFCGS_TRUNCATED in a file, DFCGS_CORRUPT in a payload whose checksum was right */
+    int64_t base; /* offset of data[0] in the file */
+    dfcgs_status
+        shortage; /* DFCGS_TRUNCATED in a file, DFCGS_CORRUPT in a payload whose checksum was right */
     dfcgs_error *error;
 } dfcgs_reader;
 
@@ -38,7 +40,7 @@ dfcgs_status dfcgs_expect_end(dfcgs_reader *r);
 
 DFCGS_INLINE int64_t dfcgs_unfold(uint64_t u) { return (int64_t)(u >> 1) ^ -(int64_t)(u & 1); }
 
-/* CRC-32 of section 2. */
+/* CRC-32 of section 1.4. */
 uint32_t dfcgs_crc32(const uint8_t *data, size_t size);
 
 #endif

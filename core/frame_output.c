@@ -63,7 +63,8 @@ static void band_output(const dfcgs_decoder *d, const int32_t *order, float *sh_
     const dfcgs_gof *g = &d->gof;
     const int32_t *second = g->num_attributes > DFCGS_SH_2 ? g->planes[DFCGS_SH_2] : NULL;
     const int32_t *third = g->num_attributes > DFCGS_SH_3 ? g->planes[DFCGS_SH_3] : NULL;
-    dfcgs_float_bands(g->planes[DFCGS_SH_1], second, third, g->count, d->sequence.color_exponent, order, sh_rest);
+    dfcgs_float_bands(g->planes[DFCGS_SH_1], second, third, g->count, d->sequence.color_exponent, order,
+                      sh_rest);
 }
 
 static void state_output(const dfcgs_decoder *d, const dfcgs_output *o) {
@@ -80,7 +81,8 @@ static void state_output(const dfcgs_decoder *d, const dfcgs_output *o) {
 }
 
 /* Puts the bits of a float32 into column c of an attribute. */
-static void put_value(const dfcgs_decoder *d, const dfcgs_output *o, int attribute, size_t row, uint32_t c, uint32_t bits) {
+static void put_value(const dfcgs_decoder *d, const dfcgs_output *o, int attribute, size_t row, uint32_t c,
+                      uint32_t bits) {
     columns to = columns_of(o, attribute);
     size_t at = row * to.width + place_of(o, attribute, c);
     float value;
@@ -96,7 +98,8 @@ static void verbatim_output(const dfcgs_decoder *d, const dfcgs_output *o) {
     for (int a = 0; a < g->num_attributes; a++) {
         uint32_t width = (uint32_t)dfcgs_columns(a);
         for (size_t i = 0; i < g->count; i++)
-            for (uint32_t c = 0; c < width; c++) put_value(d, o, a, row_of(g, i), c, g->patterns[a][i * width + c]);
+            for (uint32_t c = 0; c < width; c++)
+                put_value(d, o, a, row_of(g, i), c, g->patterns[a][i * width + c]);
     }
 }
 
@@ -118,7 +121,8 @@ static void put_escapes(dfcgs_decoder *d, const dfcgs_output *o) {
     dfcgs_raw(&values, count, &column_bytes);
     for (uint64_t i = 0; i < count; i++) {
         uint32_t c = column_bytes[i], bits;
-        int attribute = attribute_of(&c), wide = attribute == DFCGS_POSITION && d->sequence.precision == DFCGS_FLOAT64;
+        int attribute = attribute_of(&c),
+            wide = attribute == DFCGS_POSITION && d->sequence.precision == DFCGS_FLOAT64;
         dfcgs_uvarint(&rows, &delta);
         row += delta;
         dfcgs_raw(&values, wide ? 8 : 4, &pattern);

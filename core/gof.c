@@ -4,7 +4,8 @@
 
 enum { POINT_BYTES = 240, POINTS_SLACK = 512, MAX_ROW_ARRAYS = 40 };
 
-/* --- the block ----------------------------------------------------------------------------------------------------- */
+/* --- the block
+ * ----------------------------------------------------------------------------------------------------- */
 
 static void *place(uint8_t *base, size_t *at, size_t bytes) {
     uint8_t *found = base ? base + *at : NULL;
@@ -13,7 +14,8 @@ static void *place(uint8_t *base, size_t *at, size_t bytes) {
 }
 
 static void lay_activity(dfcgs_gof *g, uint8_t *base, size_t *at, int attribute) {
-    size_t rows = g->capacity, blocks = dfcgs_num_blocks(g->capacity), columns = (size_t)dfcgs_inter_columns(attribute);
+    size_t rows = g->capacity, blocks = dfcgs_num_blocks(g->capacity),
+           columns = (size_t)dfcgs_inter_columns(attribute);
     dfcgs_activity *activity = &g->activity[attribute];
     activity->symbols = place(base, at, rows * columns * sizeof *activity->symbols);
     activity->memory = place(base, at, rows * columns * sizeof *activity->memory);
@@ -27,7 +29,8 @@ static size_t lay(dfcgs_gof *g, uint8_t *base) {
     size_t at = 0, rows = g->capacity;
     for (int a = 0; a < g->num_attributes; a++) {
         g->planes[a] = place(base, &at, rows * (size_t)dfcgs_columns(a) * sizeof(int32_t));
-        if (g->has_patterns) g->patterns[a] = place(base, &at, rows * (size_t)dfcgs_columns(a) * sizeof(uint32_t));
+        if (g->has_patterns)
+            g->patterns[a] = place(base, &at, rows * (size_t)dfcgs_columns(a) * sizeof(uint32_t));
     }
     g->order = place(base, &at, rows * sizeof *g->order);
     g->anchors = place(base, &at, 3 * rows * sizeof *g->anchors);
@@ -49,8 +52,10 @@ static dfcgs_status take_block(dfcgs_arena *arena, dfcgs_gof *g) {
     return DFCGS_OK;
 }
 
-dfcgs_status dfcgs_take_gof(dfcgs_arena *arena, int num_attributes, const dfcgs_intra_header *header, dfcgs_gof *gof) {
-    size_t points = (size_t)dfcgs_wanted_points(header->num_gaussians, &header->control) * POINT_BYTES + POINTS_SLACK;
+dfcgs_status dfcgs_take_gof(dfcgs_arena *arena, int num_attributes, const dfcgs_intra_header *header,
+                            dfcgs_gof *gof) {
+    size_t points =
+        (size_t)dfcgs_wanted_points(header->num_gaussians, &header->control) * POINT_BYTES + POINTS_SLACK;
     *gof = (dfcgs_gof){.num_attributes = num_attributes,
                        .count = header->num_gaussians,
                        .capacity = header->num_gaussians,
@@ -102,7 +107,8 @@ void dfcgs_clear_activity(dfcgs_gof *gof, int attribute) {
     memset(activity->magnitude, 0, dfcgs_num_blocks(gof->count));
 }
 
-/* --- control points ------------------------------------------------------------------------------------------------ */
+/* --- control points
+ * ------------------------------------------------------------------------------------------------ */
 
 /* Ranks by the Gaussians' indices in the I-frame, of which `count` there are. */
 static dfcgs_status order_points(dfcgs_arena *arena, dfcgs_points *points, uint32_t count) {
@@ -126,7 +132,7 @@ static dfcgs_status bind_points(dfcgs_arena *arena, dfcgs_gof *gof, const int32_
     DFCGS_GET(chosen_cells, arena, int32_t, 3 * (size_t)count);
     DFCGS_TRY(dfcgs_take_field(&points->arena, count, &points->field));
     DFCGS_GET(points->order, &points->arena, uint32_t, count);
-    DFCGS_GET_ZEROS(points->symbols, &points->arena, int32_t, (size_t)count * DFCGS_MOTION_COLUMNS);
+    DFCGS_GET_ZEROS(points->symbols, &points->arena, int32_t, (size_t)count *DFCGS_MOTION_COLUMNS);
     for (size_t k = 0; k < count; k++) {
         size_t row = points->chosen[k];
         memcpy(chosen_cells + 3 * k, cells + 3 * row, 3 * sizeof *cells);
@@ -145,13 +151,15 @@ dfcgs_status dfcgs_need_points(dfcgs_arena *arena, dfcgs_gof *gof) {
     if (points->is_there) return DFCGS_OK;
     DFCGS_GET(points->chosen, &points->arena, uint32_t, wanted);
     dfcgs_control_cells(gof->intra_positions, gof->count, gof->center, gof->control.shift, gof->cells);
-    DFCGS_TRY(dfcgs_farthest_points(arena, gof->cells, gof->count, wanted, points->chosen, &points->field.count));
+    DFCGS_TRY(
+        dfcgs_farthest_points(arena, gof->cells, gof->count, wanted, points->chosen, &points->field.count));
     DFCGS_TRY(bind_points(arena, gof, gof->cells));
     points->is_there = 1;
     return DFCGS_OK;
 }
 
-/* --- 15.2, 15.4: arrays of other Gaussians -------------------------------------------------------------------------- */
+/* --- 15.2, 15.4: arrays of other Gaussians
+ * -------------------------------------------------------------------------- */
 
 /* Rows of an array, and those of births; NULL for zeros. */
 typedef struct {
@@ -173,7 +181,8 @@ static void add_rows(row_arrays *list, void *rows, const void *births, size_t wi
 static row_arrays all_rows(const dfcgs_gof *g, const dfcgs_births *born) {
     row_arrays list = {0};
     for (int a = 0; a < g->num_attributes; a++)
-        add_rows(&list, g->planes[a], born ? born->state.planes[a] : NULL, (size_t)dfcgs_columns(a) * sizeof(int32_t));
+        add_rows(&list, g->planes[a], born ? born->state.planes[a] : NULL,
+                 (size_t)dfcgs_columns(a) * sizeof(int32_t));
     if (g->has_order) add_rows(&list, g->order, born ? born->order : NULL, sizeof *g->order);
     add_rows(&list, g->anchors, born ? born->anchors : NULL, 3 * sizeof *g->anchors);
     add_rows(&list, g->cells, born ? born->cells : NULL, 3 * sizeof *g->cells);
@@ -220,7 +229,8 @@ static dfcgs_status rank_places(dfcgs_arena *arena, dfcgs_gof *g, const uint32_t
 
 static void compact(const row_array *array, const uint32_t *kept, uint32_t count) {
     for (size_t i = 0; i < count; i++)
-        if (kept[i] != i) memmove(array->rows + i * array->width, array->rows + kept[i] * array->width, array->width);
+        if (kept[i] != i)
+            memmove(array->rows + i * array->width, array->rows + kept[i] * array->width, array->width);
 }
 
 dfcgs_status dfcgs_keep_survivors(dfcgs_arena *arena, dfcgs_gof *gof, const uint32_t *kept, uint32_t count) {
@@ -235,7 +245,9 @@ dfcgs_status dfcgs_keep_survivors(dfcgs_arena *arena, dfcgs_gof *gof, const uint
     return DFCGS_OK;
 }
 
-/* --- 15.3 ------------------------------------------------------------------------------------------------------------ */
+/* --- 15.3
+ * ------------------------------------------------------------------------------------------------------------
+ */
 
 typedef struct {
     uint64_t key;
@@ -339,7 +351,9 @@ dfcgs_status dfcgs_insert_births(dfcgs_arena *arena, dfcgs_gof *gof, dfcgs_birth
     return DFCGS_OK;
 }
 
-/* --- 8.5 --------------------------------------------------------------------------------------------------------------- */
+/* --- 8.5
+ * ---------------------------------------------------------------------------------------------------------------
+ */
 
 static void refresh_digests(dfcgs_gof *gof) {
     for (int a = 0; a < gof->num_attributes; a++)
@@ -350,7 +364,8 @@ static void refresh_digests(dfcgs_gof *gof) {
     gof->changed = 0;
 }
 
-void dfcgs_frame_hash(dfcgs_gof *gof, const uint8_t *escapes, size_t num_bytes, uint8_t hash[DFCGS_HASH_BYTES]) {
+void dfcgs_frame_hash(dfcgs_gof *gof, const uint8_t *escapes, size_t num_bytes,
+                      uint8_t hash[DFCGS_HASH_BYTES]) {
     dfcgs_hash whole;
     refresh_digests(gof);
     dfcgs_hash_start(&whole);

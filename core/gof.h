@@ -1,7 +1,8 @@
 /* What is kept of a GoF from frame to frame: state, activity, motion (8, 12.1, 14, 15.2).
 
-   All arrays lie in one block. Those of Gaussians have room for `capacity` rows, of which `count` are used; where more
-   are born the block moves to the end of the arena, and back to its place when the frame is done. */
+   All arrays lie in one block. Those of Gaussians have room for `capacity` rows, of which `count` are used;
+   where more are born the block moves to the end of the arena, and back to its place when the frame is done.
+ */
 #ifndef DFCGS_GOF_H
 #define DFCGS_GOF_H
 
@@ -45,7 +46,8 @@ typedef struct {
 enum { DFCGS_ORDER_BIT = 1 << DFCGS_MAX_ATTRIBUTES };
 
 /* Takes the block of an I-frame's GoF; no array is filled but that nobody has followed and all cover is 0. */
-dfcgs_status dfcgs_take_gof(dfcgs_arena *arena, int num_attributes, const dfcgs_intra_header *header, dfcgs_gof *gof);
+dfcgs_status dfcgs_take_gof(dfcgs_arena *arena, int num_attributes, const dfcgs_intra_header *header,
+                            dfcgs_gof *gof);
 
 /* After the I-frame's planes are there: anchors and what control points will need. */
 void dfcgs_begin_gof(dfcgs_gof *gof, int32_t anchor_step);
@@ -59,8 +61,8 @@ dfcgs_status dfcgs_need_points(dfcgs_arena *arena, dfcgs_gof *gof);
 /* 15.2: keeps the Gaussians `kept` [count], which rise. */
 dfcgs_status dfcgs_keep_survivors(dfcgs_arena *arena, dfcgs_gof *gof, const uint32_t *kept, uint32_t count);
 
-/* Births: their state and cover, what they bring with them, and which row of survivors and births stands where: `source`
-   [survivors + births], survivors first in the counting. */
+/* Births: their state and cover, what they bring with them, and which row of survivors and births stands
+   where: `source` [survivors + births], survivors first in the counting. */
 typedef struct {
     dfcgs_state state;
     uint8_t *cover;
@@ -87,6 +89,7 @@ void dfcgs_clear_activity(dfcgs_gof *gof, int attribute);
 void dfcgs_settle_gof(dfcgs_gof *gof);
 
 /* 8.5; `escapes`: payload of the frame's escapes, NULL for none. */
-void dfcgs_frame_hash(dfcgs_gof *gof, const uint8_t *escapes, size_t num_bytes, uint8_t hash[DFCGS_HASH_BYTES]);
+void dfcgs_frame_hash(dfcgs_gof *gof, const uint8_t *escapes, size_t num_bytes,
+                      uint8_t hash[DFCGS_HASH_BYTES]);
 
 #endif

@@ -47,7 +47,8 @@ static dfcgs_status read_grid(dfcgs_reader *r, dfcgs_sort_grid *grid) {
     DFCGS_TRY(dfcgs_u8_most(r, MAX_SORT_BITS, &bits));
     DFCGS_TRY(dfcgs_svarints_within(r, 3, DFCGS_STATE_LIMIT, origin));
     DFCGS_TRY(dfcgs_u8_most(r, 1, &has_excess));
-    *grid = (dfcgs_sort_grid){shift, bits, has_excess, {(int32_t)origin[0], (int32_t)origin[1], (int32_t)origin[2]}};
+    *grid = (dfcgs_sort_grid){
+        shift, bits, has_excess, {(int32_t)origin[0], (int32_t)origin[1], (int32_t)origin[2]}};
     return DFCGS_OK;
 }
 
@@ -108,7 +109,8 @@ dfcgs_status dfcgs_read_intra(dfcgs_reader *r, const dfcgs_sequence *sequence, d
     DFCGS_TRY(read_escape_flag(r, header));
     DFCGS_TRY(read_control(r, sequence, header->num_gaussians, &header->control));
     if (header->kind == DFCGS_CODED) DFCGS_TRY(read_coding(r, sequence, &header->coding));
-    header->num_streams = sequence->num_attributes + 2 * (header->kind == DFCGS_CODED) + header->has_permutation;
+    header->num_streams =
+        sequence->num_attributes + 2 * (header->kind == DFCGS_CODED) + header->has_permutation;
     return DFCGS_OK;
 }
 
@@ -145,7 +147,8 @@ dfcgs_status dfcgs_read_topology(dfcgs_reader *r, const dfcgs_sequence *sequence
     DFCGS_TRY(dfcgs_u8_most(r, 1, &header->has_permutation));
     DFCGS_TRY(dfcgs_uvarint_most(r, limit, &births));
     if (births) DFCGS_TRY(read_coding(r, sequence, &header->coding));
-    if (removals >= num_gaussians) return dfcgs_refuse(r->error, DFCGS_LIMIT, offset, "more Gaussians go than there are");
+    if (removals >= num_gaussians)
+        return dfcgs_refuse(r->error, DFCGS_LIMIT, offset, "more Gaussians go than there are");
     if (num_gaussians - removals + births > limit)
         return dfcgs_refuse(r->error, DFCGS_LIMIT, offset, "too many Gaussians");
     header->num_removals = (uint32_t)removals;
@@ -166,7 +169,9 @@ dfcgs_status dfcgs_read_lengths(dfcgs_reader *r, int count, uint64_t *lengths) {
     return DFCGS_OK;
 }
 
-/* --- 6.6 --------------------------------------------------------------------------------------------------------- */
+/* --- 13
+ * ----------------------------------------------------------------------------------------------------------
+ */
 
 static dfcgs_status read_escape_rows(dfcgs_reader *r, int64_t offset, uint32_t num_gaussians, uint64_t count,
                                      uint32_t *rows) {
@@ -180,10 +185,11 @@ static dfcgs_status read_escape_rows(dfcgs_reader *r, int64_t offset, uint32_t n
     return DFCGS_OK;
 }
 
-static dfcgs_status check_columns(dfcgs_reader *r, int64_t offset, int num_columns, uint64_t count, const uint32_t *rows,
-                                  const uint8_t *columns) {
+static dfcgs_status check_columns(dfcgs_reader *r, int64_t offset, int num_columns, uint64_t count,
+                                  const uint32_t *rows, const uint8_t *columns) {
     for (uint64_t i = 0; i < count; i++) {
-        int rises = i == 0 || rows[i - 1] < rows[i] || (rows[i - 1] == rows[i] && columns[i - 1] < columns[i]);
+        int rises =
+            i == 0 || rows[i - 1] < rows[i] || (rows[i - 1] == rows[i] && columns[i - 1] < columns[i]);
         if (columns[i] >= num_columns || !rises)
             return dfcgs_corrupt(r->error, offset, "escapes out of order, or of no attribute");
     }

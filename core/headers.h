@@ -66,7 +66,7 @@ dfcgs_status dfcgs_read_topology(dfcgs_reader *r, const dfcgs_sequence *sequence
 dfcgs_status dfcgs_read_motion(dfcgs_reader *r, dfcgs_motion_header *header);
 dfcgs_status dfcgs_read_lengths(dfcgs_reader *r, int count, uint64_t *lengths);
 
-/* 6.6: checks an ESCAPES payload for a frame of `num_gaussians`; `count` escapes begin at `fields`. */
+/* 13: checks an ESCAPES payload for a frame of `num_gaussians`; `count` escapes begin at `fields`. */
 dfcgs_status dfcgs_check_escapes(dfcgs_arena *arena, dfcgs_reader *r, const dfcgs_sequence *sequence,
                                  uint32_t num_gaussians, uint64_t *count);
 

@@ -2,9 +2,17 @@
 
 #include "side_information.h"
 
-enum { PRESENT_SHARE = 256, SYMBOL_WEIGHT = 256, MEMORY_WEIGHT = 16, SMALL = 16, MAX_KINDS = 4, MAX_COLUMNS = 21 };
+enum {
+    PRESENT_SHARE = 256,
+    SYMBOL_WEIGHT = 256,
+    MEMORY_WEIGHT = 16,
+    SMALL = 16,
+    MAX_KINDS = 4,
+    MAX_COLUMNS = 21
+};
 
-/* The stream of an attribute under way: `rows` are those of blocks with symbols, `inputs` [num_rows][20] theirs. */
+/* The stream of an attribute under way: `rows` are those of blocks with symbols, `inputs` [num_rows][20]
+ * theirs. */
 typedef struct {
     dfcgs_stream *s;
     const dfcgs_inter_context *context;
@@ -15,14 +23,17 @@ typedef struct {
     uint32_t *rows;
 } walk;
 
-/* The coded rows: `rows` are Gaussians, `places` where they stand among those of the walk, `flagged` whether they have a flag. */
+/* The coded rows: `rows` are Gaussians, `places` where they stand among those of the walk, `flagged` whether
+ * they have a flag. */
 typedef struct {
     uint32_t count;
     uint32_t *rows, *places;
     uint8_t *flagged;
 } coded;
 
-/* --- 12.2 --------------------------------------------------------------------------------------------------------- */
+/* --- 12.2
+ * ---------------------------------------------------------------------------------------------------------
+ */
 
 static dfcgs_status read_densities(walk *w) {
     uint8_t *contexts;
@@ -40,7 +51,8 @@ static dfcgs_status read_magnitudes(walk *w) {
     DFCGS_GET(changes, w->s->arena, int64_t, w->num_blocks);
     for (uint32_t b = 0; b < w->num_blocks; b++)
         if (w->density[b])
-            contexts[num++] = (uint8_t)(w->density[b] + (w->activity->magnitude[b] ? DFCGS_NUM_DENSITIES : 0));
+            contexts[num++] =
+                (uint8_t)(w->density[b] + (w->activity->magnitude[b] ? DFCGS_NUM_DENSITIES : 0));
     DFCGS_TRY(dfcgs_residuals(w->s, contexts, num, w->context->model->magnitudes, changes));
     num = 0;
     for (uint32_t b = 0; b < w->num_blocks; b++) {
@@ -50,7 +62,9 @@ static dfcgs_status read_magnitudes(walk *w) {
     return DFCGS_OK;
 }
 
-/* --- 12.3 --------------------------------------------------------------------------------------------------------- */
+/* --- 12.3
+ * ---------------------------------------------------------------------------------------------------------
+ */
 
 static dfcgs_status find_inputs(walk *w) {
     dfcgs_known known = w->context->known;
@@ -59,12 +73,14 @@ static dfcgs_status find_inputs(walk *w) {
     DFCGS_GET(w->rows, w->s->arena, uint32_t, w->count);
     for (uint32_t i = 0; i < w->count; i++)
         if (w->density[i >> DFCGS_BLOCK_LOG2]) w->rows[w->num_rows++] = i;
-    DFCGS_GET(w->inputs, w->s->arena, uint8_t, (size_t)w->num_rows * DFCGS_NUM_COMMON);
+    DFCGS_GET(w->inputs, w->s->arena, uint8_t, (size_t)w->num_rows *DFCGS_NUM_COMMON);
     dfcgs_common_inputs(&known, w->rows, w->num_rows, w->inputs);
     return DFCGS_OK;
 }
 
-/* --- 12.4 --------------------------------------------------------------------------------------------------------- */
+/* --- 12.4
+ * ---------------------------------------------------------------------------------------------------------
+ */
 
 /* What all passes over flags share: `share` [N] is s of 12.4, `place` [N] of each Gaussian among the rows. */
 typedef struct {
@@ -130,7 +146,7 @@ static dfcgs_status read_flags(walk *w, int32_t *share) {
     flags f = {.w = w, .share = share};
     int32_t *prepared;
     DFCGS_GET(f.place, arena, uint32_t, w->count);
-    DFCGS_GET(prepared, arena, int32_t, (size_t)w->num_rows * (size_t)dfcgs_prepared_width(network));
+    DFCGS_GET(prepared, arena, int32_t, (size_t)w->num_rows *(size_t)dfcgs_prepared_width(network));
     for (uint32_t j = 0; j < w->num_rows; j++) f.place[w->rows[j]] = j;
     dfcgs_prepare(network, w->inputs, w->num_rows, prepared);
     f.prepared = prepared;
@@ -165,9 +181,12 @@ static dfcgs_status find_coded(walk *w, coded *c) {
     return DFCGS_OK;
 }
 
-/* --- 12.5 --------------------------------------------------------------------------------------------------------- */
+/* --- 12.5
+ * ---------------------------------------------------------------------------------------------------------
+ */
 
-/* Columns of the coded rows: symbols before and in this frame [count][columns], memory likewise, residuals of each column. */
+/* Columns of the coded rows: symbols before and in this frame [count][columns], memory likewise, residuals of
+ * each column. */
 typedef struct {
     walk *w;
     const coded *rows;
@@ -187,8 +206,8 @@ static dfcgs_status gather_before(columns *c) {
     c->before = w->activity->symbols;
     c->memory = w->activity->memory;
     if (count == w->count) return DFCGS_OK;
-    DFCGS_GET(before, w->s->arena, int32_t, count * width);
-    DFCGS_GET(memory, w->s->arena, int64_t, count * width);
+    DFCGS_GET(before, w->s->arena, int32_t, count *width);
+    DFCGS_GET(memory, w->s->arena, int64_t, count *width);
     for (size_t j = 0; j < count; j++) {
         size_t row = c->rows->rows[j];
         memcpy(before + j * width, w->activity->symbols + row * width, width * sizeof *before);
@@ -206,9 +225,10 @@ static dfcgs_status prepare_columns(columns *c) {
     uint8_t *inputs = w->inputs;
     for (uint32_t j = 0; j < c->rows->count; j++) /* places rise, so rows move down only */
         if (c->rows->places[j] != j)
-            memcpy(inputs + (size_t)j * DFCGS_NUM_COMMON, inputs + (size_t)c->rows->places[j] * DFCGS_NUM_COMMON,
-                   DFCGS_NUM_COMMON);
-    DFCGS_GET(c->prepared, w->s->arena, int32_t, (size_t)c->rows->count * (size_t)dfcgs_prepared_width(network));
+            memcpy(inputs + (size_t)j * DFCGS_NUM_COMMON,
+                   inputs + (size_t)c->rows->places[j] * DFCGS_NUM_COMMON, DFCGS_NUM_COMMON);
+    DFCGS_GET(c->prepared, w->s->arena, int32_t,
+              (size_t)c->rows->count *(size_t)dfcgs_prepared_width(network));
     dfcgs_prepare(network, inputs, c->rows->count, c->prepared);
     return DFCGS_OK;
 }
@@ -219,8 +239,8 @@ static dfcgs_status take_columns(columns *c) {
     c->levels = count == c->w->count ? c->w->context->levels : dfcgs_order_levels((uint32_t)count);
     DFCGS_TRY(gather_before(c));
     DFCGS_TRY(prepare_columns(c));
-    DFCGS_GET(c->symbols, arena, int32_t, count * width);
-    DFCGS_GET(c->others, arena, uint8_t, count * DFCGS_NUM_OTHERS);
+    DFCGS_GET(c->symbols, arena, int32_t, count *width);
+    DFCGS_GET(c->others, arena, uint8_t, count *DFCGS_NUM_OTHERS);
     DFCGS_GET(c->kinds, arena, uint8_t, count);
     for (size_t k = 0; k < width; k++) DFCGS_GET(c->residuals[k], arena, int64_t, count);
     return DFCGS_OK;
@@ -249,12 +269,13 @@ static dfcgs_status read_column(columns *c, int k) {
         dfcgs_add_wide_feature(c->residuals[j], count, 1, (int)weights[1 + j] * SYMBOL_WEIGHT, own);
     dfcgs_add_feature(c->before + k, count, width, (int)weights[1 + k] * SYMBOL_WEIGHT, own);
     dfcgs_add_wide_feature(c->memory + k, count, width, (int)weights[2 + k] * MEMORY_WEIGHT, own);
-    dfcgs_other_inputs(c->before, c->symbols, count, c->w->columns, k, SMALL * (left < MAX_KINDS ? left : MAX_KINDS),
-                       c->others);
+    dfcgs_other_inputs(c->before, c->symbols, count, c->w->columns, k,
+                       SMALL * (left < MAX_KINDS ? left : MAX_KINDS), c->others);
     find_kinds(c, k);
     const dfcgs_symbol_part *part = &c->w->context->model->columns;
     dfcgs_component component = {&part->network, c->prepared, c->others, c->kinds, own, (int32_t)weights[0]};
-    DFCGS_TRY(dfcgs_prior_column(s, &c->levels, &component, part->tables, c->w->columns, c->symbols + k, c->residuals[k]));
+    DFCGS_TRY(dfcgs_prior_column(s, &c->levels, &component, part->tables, c->w->columns, c->symbols + k,
+                                 c->residuals[k]));
     s->arena->used = mark;
     return DFCGS_OK;
 }
@@ -268,17 +289,24 @@ static dfcgs_status read_columns(walk *w, const coded *rows) {
     }
     memset(w->activity->symbols, 0, w->count * width * sizeof *w->activity->symbols);
     for (size_t j = 0; j < rows->count; j++)
-        memcpy(w->activity->symbols + rows->rows[j] * width, c.symbols + j * width, width * sizeof *c.symbols);
+        memcpy(w->activity->symbols + rows->rows[j] * width, c.symbols + j * width,
+               width * sizeof *c.symbols);
     return DFCGS_OK;
 }
 
-/* ------------------------------------------------------------------------------------------------------------------ */
+/* ------------------------------------------------------------------------------------------------------------------
+ */
 
-dfcgs_status dfcgs_inter_attribute(dfcgs_stream *s, const dfcgs_inter_context *context, dfcgs_activity *activity) {
+dfcgs_status dfcgs_inter_attribute(dfcgs_stream *s, const dfcgs_inter_context *context,
+                                   dfcgs_activity *activity) {
     dfcgs_arena *arena = s->arena;
     size_t mark = arena->used;
     uint32_t count = context->levels.count, num_blocks = dfcgs_num_blocks(count);
-    walk w = {.s = s, .context = context, .activity = activity, .count = count, .num_blocks = num_blocks,
+    walk w = {.s = s,
+              .context = context,
+              .activity = activity,
+              .count = count,
+              .num_blocks = num_blocks,
               .columns = context->known.columns};
     coded rows = {0};
     DFCGS_GET(w.density, arena, uint8_t, num_blocks);

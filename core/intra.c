@@ -16,7 +16,8 @@ typedef struct {
     dfcgs_intra_frame *frame;
     uint32_t count;
     dfcgs_levels levels;
-    int32_t *coarse, *weights; /* weights [4][count] of 9.6: those of the attribute at hand, seen, tilts, spins */
+    int32_t *coarse,
+        *weights; /* weights [4][count] of 9.6: those of the attribute at hand, seen, tilts, spins */
     uint8_t *class, *spin_class, *needles;
     dfcgs_column_shape shape;
 } walk;
@@ -42,16 +43,19 @@ static dfcgs_status read_permutation(dfcgs_streams *streams, dfcgs_levels levels
     return dfcgs_check_permutation(s, order, levels.count);
 }
 
-/* --- 11.4, pass by pass ------------------------------------------------------------------------------------------- */
+/* --- 11.4, pass by pass
+ * ------------------------------------------------------------------------------------------- */
 
-static int64_t index_limit(const walk *w) { return 2 * (int64_t)DFCGS_STATE_LIMIT / w->coding->steps[DFCGS_POSITION]; }
+static int64_t index_limit(const walk *w) {
+    return 2 * (int64_t)DFCGS_STATE_LIMIT / w->coding->steps[DFCGS_POSITION];
+}
 
 static dfcgs_status read_positions(walk *w) {
     dfcgs_stream *s;
     int16_t *weights;
     DFCGS_TRY(dfcgs_next_stream(w->streams, &s));
     DFCGS_TRY(dfcgs_position_tree(s, &w->coding->grid, w->count, index_limit(w), w->coarse));
-    DFCGS_GET(weights, w->arena, int16_t, (size_t)w->count * DFCGS_NEIGHBOURS);
+    DFCGS_GET(weights, w->arena, int16_t, (size_t)w->count *DFCGS_NEIGHBOURS);
     DFCGS_TRY(dfcgs_distance_weights(w->arena, w->coarse, w->count, weights));
     w->levels = (dfcgs_levels){w->count, dfcgs_num_levels(w->count), weights};
     return DFCGS_OK;
@@ -77,7 +81,8 @@ static dfcgs_status read_cover(walk *w) {
 /* Steps of an attribute, by weights that were found. */
 static dfcgs_row_steps steps_of(walk *w, int attribute, const int32_t *weights, uint8_t *class) {
     dfcgs_row_steps steps = {.class = class};
-    dfcgs_coarseness(weights, w->count, w->coding->levels[attribute], STEP_SHIFT, DFCGS_MAX_COARSENESS, class);
+    dfcgs_coarseness(weights, w->count, w->coding->levels[attribute], STEP_SHIFT, DFCGS_MAX_COARSENESS,
+                     class);
     if (attribute == DFCGS_ROTATION) dfcgs_turn_steps(w->coding->steps[attribute], steps.step);
     else dfcgs_steps(w->coding->steps[attribute], steps.step);
     return steps;
@@ -88,7 +93,8 @@ static void scatter(const int32_t *column, uint32_t count, int columns, int32_t 
 }
 
 static dfcgs_status thin_axis(walk *w, dfcgs_stream *s, const int32_t *second, int32_t *third) {
-    if (dfcgs_third_axis(second, third, w->count, w->sequence->scale_exponent, w->coding->thin_octaves, third) == DFCGS_OK)
+    if (dfcgs_third_axis(second, third, w->count, w->sequence->scale_exponent, w->coding->thin_octaves,
+                         third) == DFCGS_OK)
         return DFCGS_OK;
     return dfcgs_corrupt(s->error, DFCGS_NO_OFFSET, "a reconstructed value leaves the range of the state");
 }
@@ -128,8 +134,8 @@ static dfcgs_status read_scales(walk *w) {
 
 static dfcgs_status read_opacities(walk *w) {
     size_t mark = w->arena->used;
-    dfcgs_area_weights(w->frame->state.planes[DFCGS_SCALE], w->frame->cover, w->count, w->sequence->scale_exponent,
-                       w->weights);
+    dfcgs_area_weights(w->frame->state.planes[DFCGS_SCALE], w->frame->cover, w->count,
+                       w->sequence->scale_exponent, w->weights);
     DFCGS_TRY(read_columns(w, DFCGS_OPACITY, w->weights));
     w->shape.num_earlier = 0;
     w->arena->used = mark;
@@ -161,12 +167,13 @@ static dfcgs_status bits_of_rows(walk *w, dfcgs_stream *s, const uint8_t *octave
 static dfcgs_status read_position_bits(walk *w) {
     dfcgs_stream *s;
     int within = 1;
-    dfcgs_alpha_weights(w->frame->state.planes[DFCGS_OPACITY], w->frame->cover, w->count, w->sequence->opacity_exponent,
-                        w->weights);
-    dfcgs_coarseness(w->weights, w->count, w->coding->levels[DFCGS_POSITION], OCTAVE_SHIFT, w->coding->coarse_log2,
-                     w->class);
+    dfcgs_alpha_weights(w->frame->state.planes[DFCGS_OPACITY], w->frame->cover, w->count,
+                        w->sequence->opacity_exponent, w->weights);
+    dfcgs_coarseness(w->weights, w->count, w->coding->levels[DFCGS_POSITION], OCTAVE_SHIFT,
+                     w->coding->coarse_log2, w->class);
     DFCGS_TRY(dfcgs_next_stream(w->streams, &s));
-    for (int bits = 1; bits <= w->coding->coarse_log2; bits++) DFCGS_TRY(bits_of_rows(w, s, w->class, bits, &within));
+    for (int bits = 1; bits <= w->coding->coarse_log2; bits++)
+        DFCGS_TRY(bits_of_rows(w, s, w->class, bits, &within));
     if (!within) return dfcgs_corrupt(s->error, DFCGS_NO_OFFSET, "a symbol is too large for its step");
     if (dfcgs_intra_positions(w->coarse, w->count, w->class, w->coding->steps[DFCGS_POSITION],
                               w->frame->state.planes[DFCGS_POSITION]) == DFCGS_OK)
@@ -179,8 +186,9 @@ static dfcgs_status read_rotations(walk *w) {
     dfcgs_stream *s;
     int32_t *seen = w->weights + w->count, *tilts = seen + w->count, *spins = tilts + w->count;
     dfcgs_turn_shape shape = {.levels = w->levels, .needles = w->needles};
-    dfcgs_seen_weights(w->frame->state.planes[DFCGS_SCALE], w->frame->state.planes[DFCGS_OPACITY], w->frame->cover,
-                       w->count, w->sequence->scale_exponent, w->sequence->opacity_exponent, seen, tilts, spins, w->needles);
+    dfcgs_seen_weights(w->frame->state.planes[DFCGS_SCALE], w->frame->state.planes[DFCGS_OPACITY],
+                       w->frame->cover, w->count, w->sequence->scale_exponent, w->sequence->opacity_exponent,
+                       seen, tilts, spins, w->needles);
     shape.tilts = steps_of(w, DFCGS_ROTATION, tilts, w->class);
     shape.spins = steps_of(w, DFCGS_ROTATION, spins, w->spin_class);
     shape.alternating = w->coding->alternating >> DFCGS_ROTATION & 1;
@@ -199,10 +207,15 @@ static dfcgs_status take_walk(walk *w) {
     return DFCGS_OK;
 }
 
-dfcgs_status dfcgs_coded_intra(dfcgs_streams *streams, const dfcgs_sequence *sequence, const dfcgs_intra_coding *coding,
-                               int has_permutation, dfcgs_intra_frame *frame) {
-    walk w = {.streams = streams, .arena = streams->stream.arena, .sequence = sequence, .coding = coding,
-              .frame = frame, .count = frame->state.count};
+dfcgs_status dfcgs_coded_intra(dfcgs_streams *streams, const dfcgs_sequence *sequence,
+                               const dfcgs_intra_coding *coding, int has_permutation,
+                               dfcgs_intra_frame *frame) {
+    walk w = {.streams = streams,
+              .arena = streams->stream.arena,
+              .sequence = sequence,
+              .coding = coding,
+              .frame = frame,
+              .count = frame->state.count};
     size_t mark = w.arena->used;
     DFCGS_TRY(take_walk(&w));
     DFCGS_TRY(read_positions(&w));
@@ -212,12 +225,15 @@ dfcgs_status dfcgs_coded_intra(dfcgs_streams *streams, const dfcgs_sequence *seq
     DFCGS_TRY(read_opacities(&w));
     DFCGS_TRY(read_position_bits(&w));
     DFCGS_TRY(read_rotations(&w));
-    for (int a = DFCGS_SH_DC; a < sequence->num_attributes; a++) DFCGS_TRY(read_columns(&w, a, w.weights + w.count));
+    for (int a = DFCGS_SH_DC; a < sequence->num_attributes; a++)
+        DFCGS_TRY(read_columns(&w, a, w.weights + w.count));
     w.arena->used = mark;
     return DFCGS_OK;
 }
 
-/* --- 13 ----------------------------------------------------------------------------------------------------------- */
+/* --- A
+ * ----------------------------------------------------------------------------------------------------------
+ */
 
 enum { BYTE = 256, BYTE_BITS = 8, NUM_CONTEXTS = 8 };
 
@@ -239,7 +255,8 @@ static dfcgs_status read_plane(dfcgs_stream *s, const uint8_t *contexts, uint32_
     return DFCGS_OK;
 }
 
-static dfcgs_status exponent_contexts(dfcgs_stream *s, const uint8_t *plane, uint32_t count, uint8_t *contexts) {
+static dfcgs_status exponent_contexts(dfcgs_stream *s, const uint8_t *plane, uint32_t count,
+                                      uint8_t *contexts) {
     uint32_t center;
     DFCGS_TRY(dfcgs_choice(s, BYTE_BITS, &center));
     for (uint32_t i = 0; i < count; i++)
@@ -247,7 +264,7 @@ static dfcgs_status exponent_contexts(dfcgs_stream *s, const uint8_t *plane, uin
     return DFCGS_OK;
 }
 
-/* 13.1: values at a stride of `columns` */
+/* A.1: values at a stride of `columns` */
 static dfcgs_status read_float_column(dfcgs_stream *s, uint32_t count, int columns, uint32_t *patterns) {
     size_t mark = s->arena->used;
     uint8_t *contexts, *plane;
@@ -266,8 +283,8 @@ static dfcgs_status read_float_column(dfcgs_stream *s, uint32_t count, int colum
     return DFCGS_OK;
 }
 
-dfcgs_status dfcgs_verbatim_intra(dfcgs_streams *streams, int num_attributes, int has_permutation, uint32_t count,
-                                  uint32_t *const *patterns, int32_t *order) {
+dfcgs_status dfcgs_verbatim_intra(dfcgs_streams *streams, int num_attributes, int has_permutation,
+                                  uint32_t count, uint32_t *const *patterns, int32_t *order) {
     for (int a = 0; a < num_attributes; a++) {
         dfcgs_stream *s;
         DFCGS_TRY(dfcgs_next_stream(streams, &s));

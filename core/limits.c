@@ -11,7 +11,9 @@ static int64_t inter_memory(int64_t count, int64_t columns, int64_t coded) {
     return count * (1500 + 27 * columns + 65 * coded);
 }
 
-static int64_t intra_work(int64_t count, int64_t columns) { return 200000 * columns + count * (2500 + 130 * columns); }
+static int64_t intra_work(int64_t count, int64_t columns) {
+    return 200000 * columns + count * (2500 + 130 * columns);
+}
 
 static int64_t output_work(int64_t count, int64_t columns) { return 200000 + count * (30 + 4 * columns); }
 
@@ -30,12 +32,14 @@ static int64_t control_work(int64_t count, const dfcgs_control_header *control) 
 
 static dfcgs_status refuse(dfcgs_budget *b, int kind, uint32_t frame, uint32_t count, int64_t value) {
     b->excess = (dfcgs_excess){kind, frame, count, value};
-    return dfcgs_refuse(b->error, DFCGS_RESOURCES, DFCGS_NO_OFFSET, "more than the limits of this decoder allow");
+    return dfcgs_refuse(b->error, DFCGS_RESOURCES, DFCGS_NO_OFFSET,
+                        "more than the limits of this decoder allow");
 }
 
 static dfcgs_status check_frame(dfcgs_budget *b, uint32_t frame, uint32_t count, int64_t memory) {
     memory += PROCESS;
-    if (b->max_gaussians >= 0 && count > b->max_gaussians) return refuse(b, DFCGS_LIMIT_GAUSSIANS, frame, count, count);
+    if (b->max_gaussians >= 0 && count > b->max_gaussians)
+        return refuse(b, DFCGS_LIMIT_GAUSSIANS, frame, count, count);
     if (memory > b->max_memory) return refuse(b, DFCGS_LIMIT_MEMORY, frame, count, memory);
     if (b->max_gaussians < 0 && memory > FREE_MEMORY + MEMORY_PER_BYTE * b->bytes)
         return refuse(b, DFCGS_LIMIT_BOMB, frame, count, count);
@@ -71,17 +75,20 @@ dfcgs_status dfcgs_charge_inter(dfcgs_budget *budget, uint32_t frame, uint32_t n
         budget->has_control = 0;
     }
     if (header->tools || header->mask)
-        DFCGS_TRY(check_frame(budget, frame, num_gaussians, inter_memory(num_gaussians, budget->columns, coded)));
+        DFCGS_TRY(
+            check_frame(budget, frame, num_gaussians, inter_memory(num_gaussians, budget->columns, coded)));
     return spend(budget, frame, num_gaussians, work);
 }
 
-dfcgs_status dfcgs_charge_births(dfcgs_budget *budget, uint32_t frame, uint32_t num_births, uint32_t num_gaussians) {
+dfcgs_status dfcgs_charge_births(dfcgs_budget *budget, uint32_t frame, uint32_t num_births,
+                                 uint32_t num_gaussians) {
     int64_t memory = intra_memory(num_births, budget->columns);
     memory += inter_memory(num_gaussians, budget->columns, budget->columns);
     DFCGS_TRY(check_frame(budget, frame, num_gaussians, memory));
     return spend(budget, frame, num_gaussians, intra_work(num_births, budget->columns));
 }
 
-dfcgs_status dfcgs_charge_symbols(dfcgs_budget *budget, uint32_t frame, uint32_t num_gaussians, uint64_t num_symbols) {
+dfcgs_status dfcgs_charge_symbols(dfcgs_budget *budget, uint32_t frame, uint32_t num_gaussians,
+                                  uint64_t num_symbols) {
     return spend(budget, frame, num_gaussians, 250 * (int64_t)num_symbols);
 }

@@ -29,7 +29,9 @@ dfcgs_status dfcgs_charge_intra(dfcgs_budget *budget, uint32_t frame, uint32_t n
                                 const dfcgs_control_header *control);
 dfcgs_status dfcgs_charge_inter(dfcgs_budget *budget, uint32_t frame, uint32_t num_gaussians,
                                 const dfcgs_inter_header *header);
-dfcgs_status dfcgs_charge_births(dfcgs_budget *budget, uint32_t frame, uint32_t num_births, uint32_t num_gaussians);
-dfcgs_status dfcgs_charge_symbols(dfcgs_budget *budget, uint32_t frame, uint32_t num_gaussians, uint64_t num_symbols);
+dfcgs_status dfcgs_charge_births(dfcgs_budget *budget, uint32_t frame, uint32_t num_births,
+                                 uint32_t num_gaussians);
+dfcgs_status dfcgs_charge_symbols(dfcgs_budget *budget, uint32_t frame, uint32_t num_gaussians,
+                                  uint64_t num_symbols);
 
 #endif

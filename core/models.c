@@ -12,7 +12,8 @@ enum {
     START_SHIFT = DFCGS_FREQUENCY_BITS - 8
 };
 
-/* --- 10.4 ------------------------------------------------------------------------------------------------- */
+/* --- 10.4 -------------------------------------------------------------------------------------------------
+ */
 
 void dfcgs_from_weights(const int64_t *weights, uint32_t size, uint32_t *cumulative) {
     int64_t total = 0, sum = 0;
@@ -32,7 +33,8 @@ static void fill_starts(const uint32_t *cumulative, uint16_t *start) {
     }
 }
 
-dfcgs_status dfcgs_make_model(dfcgs_arena *arena, uint32_t size, const uint32_t *cumulative, dfcgs_model *model) {
+dfcgs_status dfcgs_make_model(dfcgs_arena *arena, uint32_t size, const uint32_t *cumulative,
+                              dfcgs_model *model) {
     uint16_t *start = NULL;
     if (size > LINEAR) {
         DFCGS_GET(start, arena, uint16_t, STARTS);
@@ -42,7 +44,8 @@ dfcgs_status dfcgs_make_model(dfcgs_arena *arena, uint32_t size, const uint32_t 
     return DFCGS_OK;
 }
 
-dfcgs_status dfcgs_model_of(dfcgs_arena *arena, uint32_t size, const int32_t *frequencies, dfcgs_model *model) {
+dfcgs_status dfcgs_model_of(dfcgs_arena *arena, uint32_t size, const int32_t *frequencies,
+                            dfcgs_model *model) {
     uint32_t *cumulative;
     int64_t sum = 0;
     DFCGS_GET(cumulative, arena, uint32_t, (size_t)size + 1);
@@ -55,7 +58,8 @@ dfcgs_status dfcgs_model_of(dfcgs_arena *arena, uint32_t size, const int32_t *fr
     return sum == ONE ? dfcgs_make_model(arena, size, cumulative, model) : DFCGS_MISUSE;
 }
 
-/* --- 10.5: the two master tables, in 128 bits ---------------------------------------------------------------- */
+/* --- 10.5: the two master tables, in 128 bits
+ * ---------------------------------------------------------------- */
 
 typedef struct {
     uint64_t high, low;
@@ -75,7 +79,9 @@ static wide shift_right(wide a, int n) { return (wide){a.high >> n, a.low >> n |
 static wide product(uint64_t a, uint64_t b) {
     uint64_t a0 = (uint32_t)a, a1 = a >> 32, b0 = (uint32_t)b, b1 = b >> 32;
     uint64_t low = a0 * b0, middle = a1 * b0 + (low >> 32);
-    __asm__("" : "+r"(middle)); /* else clang makes one 128-bit product of this, which WebAssembly does not have */
+    __asm__(
+        ""
+        : "+r"(middle)); /* else clang makes one 128-bit product of this, which WebAssembly does not have */
     uint64_t other = a0 * b1 + (uint32_t)middle;
     return (wide){a1 * b1 + (middle >> 32) + (other >> 32), other << 32 | (uint32_t)low};
 }
@@ -92,7 +98,8 @@ static wide high_product(wide a, wide b) {
 
 /* a * small // divisor, both below 2**34 */
 static wide scaled(wide a, uint64_t small, uint64_t divisor) {
-    uint64_t part[4] = {a.low & 0xFFFFFFFFu, a.low >> 32, a.high & 0xFFFFFFFFu, a.high >> 32}, carry = 0, limbs[5];
+    uint64_t part[4] = {a.low & 0xFFFFFFFFu, a.low >> 32, a.high & 0xFFFFFFFFu, a.high >> 32}, carry = 0,
+             limbs[5];
     for (int i = 0; i < 4; i++) {
         carry += part[i] * small; /* small is below 2**14 here */
         limbs[i] = (uint32_t)carry;
@@ -150,7 +157,8 @@ static void fill_exponential(int64_t *exponential) {
     }
 }
 
-/* --- 10.5: scale tables ------------------------------------------------------------------------------------- */
+/* --- 10.5: scale tables
+ * ------------------------------------------------------------------------------------- */
 
 static const uint32_t INVERSE_SIGMAS[DFCGS_NUM_BASE_SCALES] = {
     21137968, 18831788, 16777216, 14946800, 13316085, 11863283, 10568984, 9415894, 8388608, 7473400, 6658043,
@@ -173,7 +181,8 @@ static int64_t interpolate(const int64_t *master, int64_t size, int64_t m) {
 static int64_t cdf(const masters *tables, int shape, int scale, int64_t e) {
     int64_t magnitude = e < 0 ? -e : e, m, value;
     if (scale < 0) m = magnitude * INVERSE_SIGMAS[scale + SCALES_PER_OCTAVE] >> 1 << 1;
-    else if (scale >= DFCGS_NUM_BASE_SCALES) m = magnitude * INVERSE_SIGMAS[scale - SCALES_PER_OCTAVE] >> 1 >> 1;
+    else if (scale >= DFCGS_NUM_BASE_SCALES)
+        m = magnitude * INVERSE_SIGMAS[scale - SCALES_PER_OCTAVE] >> 1 >> 1;
     else m = magnitude * INVERSE_SIGMAS[scale] >> 1;
     if (shape == DFCGS_GAUSSIAN) value = interpolate(tables->normal, NORMAL_SIZE, m);
     else value = interpolate(tables->exponential, EXPONENTIAL_SIZE, m * SQRT_TWO >> 20);
@@ -183,14 +192,16 @@ static int64_t cdf(const masters *tables, int shape, int scale, int64_t e) {
 static int64_t shape_cdf(const masters *tables, int shape, int scale, int64_t e) {
     if (shape != DFCGS_HEAVY) return cdf(tables, shape, scale, e);
     return (cdf(tables, DFCGS_LAPLACE, scale - SCALES_PER_OCTAVE, e) +
-            cdf(tables, DFCGS_LAPLACE, scale + SCALES_PER_OCTAVE, e)) >> 1;
+            cdf(tables, DFCGS_LAPLACE, scale + SCALES_PER_OCTAVE, e)) >>
+           1;
 }
 
 static int64_t reach_of(int shape, int scale) {
     return dfcgs_min(MAX_MAGNITUDE, 2 + ((int64_t)TWICE_REACH[shape] << 19) / INVERSE_SIGMAS[scale]);
 }
 
-static dfcgs_status make_scale_model(dfcgs_arena *arena, const masters *tables, int shape, int scale, dfcgs_model *model) {
+static dfcgs_status make_scale_model(dfcgs_arena *arena, const masters *tables, int shape, int scale,
+                                     dfcgs_model *model) {
     int64_t k = reach_of(shape, scale), size = 2 * k + 1;
     uint32_t *cumulative;
     DFCGS_GET(cumulative, arena, uint32_t, (size_t)size + 1);
@@ -203,9 +214,11 @@ static dfcgs_status make_scale_model(dfcgs_arena *arena, const masters *tables, 
     return dfcgs_make_model(arena, (uint32_t)size, cumulative, model);
 }
 
-/* --- 10.6: split tables, of integers of up to 448 bits ---------------------------------------------------------- */
+/* --- 10.6: split tables, of integers of up to 448 bits
+ * ---------------------------------------------------------- */
 
-static const uint16_t SPLIT_ALPHAS[DFCGS_NUM_BIASES] = {1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 256, 1024};
+static const uint16_t SPLIT_ALPHAS[DFCGS_NUM_BIASES] = {1,  2,  3,  4,  6,  8,   12,  16,
+                                                        24, 32, 48, 64, 96, 128, 256, 1024};
 enum { LIMBS = 16 };
 typedef struct {
     uint32_t limb[LIMBS];
@@ -285,7 +298,8 @@ static void fill_split(int bias, int count, uint32_t *cumulative) {
         big w = split_weight(SPLIT_ALPHAS[bias], count, k);
         big_add(&total, &w);
     }
-    for (int k = 0; k <= count; k++) weights[k] = share_of(split_weight(SPLIT_ALPHAS[bias], count, k), &total);
+    for (int k = 0; k <= count; k++)
+        weights[k] = share_of(split_weight(SPLIT_ALPHAS[bias], count, k), &total);
     dfcgs_from_weights(weights, (uint32_t)count + 1, cumulative);
 }
 
@@ -298,7 +312,8 @@ const dfcgs_model *dfcgs_split_model(dfcgs_models *models, int bias, int count) 
     return model;
 }
 
-/* ------------------------------------------------------------------------------------------------------------- */
+/* -------------------------------------------------------------------------------------------------------------
+ */
 
 static dfcgs_status make_scale_models(dfcgs_arena *arena, const masters *tables, dfcgs_models *models) {
     for (int shape = 0; shape < DFCGS_NUM_SHAPES; shape++)
@@ -336,7 +351,8 @@ dfcgs_status dfcgs_make_models(dfcgs_arena *arena, dfcgs_models *models) {
 }
 
 dfcgs_table dfcgs_table_of(const dfcgs_models *models, int index) {
-    int shape = index / DFCGS_NUM_SCALES, scale = index % DFCGS_NUM_SCALES, above = scale - DFCGS_NUM_BASE_SCALES;
+    int shape = index / DFCGS_NUM_SCALES, scale = index % DFCGS_NUM_SCALES,
+        above = scale - DFCGS_NUM_BASE_SCALES;
     if (above < 0) return (dfcgs_table){&models->scale[shape][scale], 0};
     int base = DFCGS_NUM_BASE_SCALES - SCALES_PER_OCTAVE + above % SCALES_PER_OCTAVE;
     return (dfcgs_table){&models->scale[shape][base], above / SCALES_PER_OCTAVE + 1};

@@ -16,8 +16,8 @@ enum {
 };
 enum { DFCGS_GAUSSIAN, DFCGS_LAPLACE, DFCGS_HEAVY };
 
-/* `cumulative` [size + 1] rises from 0 to 2**24. `start` [256]: the symbol of the quantile s << 16, NULL where a search from
-   symbol 0 is as fast. */
+/* `cumulative` [size + 1] rises from 0 to 2**24. `start` [256]: the symbol of the quantile s << 16, NULL
+   where a search from symbol 0 is as fast. */
 typedef struct {
     uint32_t size;
     const uint32_t *cumulative;
@@ -49,9 +49,11 @@ dfcgs_table dfcgs_table_of(const dfcgs_models *models, int index);
 void dfcgs_from_weights(const int64_t *weights, uint32_t size, uint32_t *cumulative);
 
 /* A model of `cumulative`, which stays where it is; large ones take a start table from the arena. */
-dfcgs_status dfcgs_make_model(dfcgs_arena *arena, uint32_t size, const uint32_t *cumulative, dfcgs_model *model);
+dfcgs_status dfcgs_make_model(dfcgs_arena *arena, uint32_t size, const uint32_t *cumulative,
+                              dfcgs_model *model);
 
 /* The same from frequencies [size]: DFCGS_MISUSE unless each is at least 1 and all sum to 2**24. */
-dfcgs_status dfcgs_model_of(dfcgs_arena *arena, uint32_t size, const int32_t *frequencies, dfcgs_model *model);
+dfcgs_status dfcgs_model_of(dfcgs_arena *arena, uint32_t size, const int32_t *frequencies,
+                            dfcgs_model *model);
 
 #endif

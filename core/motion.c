@@ -156,6 +156,13 @@ static void turn_from_left(const int64_t turn[3], int32_t *rotation) {
     for (int c = 0; c < 4; c++) rotation[c] = (int32_t)q[c];
 }
 
+void dfcgs_turn_all(const int32_t *vectors, uint32_t count, int32_t *rotations) {
+    for (uint32_t i = 0; i < count; i++, vectors += 3, rotations += 4) {
+        int64_t turn[3] = {vectors[0], vectors[1], vectors[2]};
+        if (turn[0] | turn[1] | turn[2]) turn_from_left(turn, rotations);
+    }
+}
+
 void dfcgs_carry(const dfcgs_field *field, const dfcgs_binding *bindings, const uint8_t *follows,
                  uint32_t count, int turns, int32_t *positions, int32_t *rotations) {
     for (uint32_t i = 0; i < count; i++, positions += 3) {

@@ -42,6 +42,10 @@ dfcgs_status dfcgs_move_field(dfcgs_field *field, const int32_t *symbols, int tr
 void dfcgs_carry(const dfcgs_field *field, const dfcgs_binding *bindings, const uint8_t *follows,
                  uint32_t count, int turns, int32_t *positions, int32_t *rotations);
 
+/* What carries rotations [count][4], by turns `vectors` [count][3]; those of zero vectors stay as they are.
+ */
+DFCGS_EXPORT void dfcgs_turn_all(const int32_t *vectors, uint32_t count, int32_t *rotations);
+
 /* 14.6: what Gaussians that followed learn, from their positions in the reference frame and those decoded. */
 void dfcgs_learn(const dfcgs_field *field, dfcgs_binding *bindings, const uint8_t *follows, uint32_t count,
                  const int32_t *reference, const int32_t *decoded, int translation_step);

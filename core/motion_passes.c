@@ -2,7 +2,14 @@
 
 #include "side_information.h"
 
-enum { FOLLOW = 1, MIXED = 2, NUM_MODES = 3, COLUMNS = DFCGS_CONTROL_COLUMNS, TRANSLATIONS = 3, PRESENT = 64 };
+enum {
+    FOLLOW = 1,
+    MIXED = 2,
+    NUM_MODES = 3,
+    COLUMNS = DFCGS_CONTROL_COLUMNS,
+    TRANSLATIONS = 3,
+    PRESENT = 64
+};
 /* weights by what they are multiplied with */
 enum { SYMBOL_WEIGHT = 256, SIXTEENTH_WEIGHT = 16 };
 
@@ -51,8 +58,8 @@ dfcgs_status dfcgs_read_followers(dfcgs_stream *s, uint32_t count, uint8_t *mode
     return DFCGS_OK;
 }
 
-/* Control points in the order of the stream: symbols before and now [n][6], expected changes [n][6], residuals of each
-   column. */
+/* Control points in the order of the stream: symbols before and now [n][6], expected changes [n][6],
+   residuals of each column. */
 typedef struct {
     dfcgs_stream *s;
     const dfcgs_symbol_part *part;
@@ -65,27 +72,28 @@ typedef struct {
 static dfcgs_status take_walk(walk *w) {
     dfcgs_arena *arena = w->s->arena;
     size_t count = w->count;
-    DFCGS_GET(w->before, arena, int32_t, count * COLUMNS);
-    DFCGS_GET_ZEROS(w->symbols, arena, int32_t, count * COLUMNS);
-    DFCGS_GET(w->expected, arena, int64_t, count * COLUMNS);
-    DFCGS_GET(w->prepared, arena, int32_t, count * (size_t)dfcgs_prepared_width(&w->part->network));
-    DFCGS_GET(w->others, arena, uint8_t, count * DFCGS_NUM_OTHERS);
+    DFCGS_GET(w->before, arena, int32_t, count *COLUMNS);
+    DFCGS_GET_ZEROS(w->symbols, arena, int32_t, count *COLUMNS);
+    DFCGS_GET(w->expected, arena, int64_t, count *COLUMNS);
+    DFCGS_GET(w->prepared, arena, int32_t, count *(size_t)dfcgs_prepared_width(&w->part->network));
+    DFCGS_GET(w->others, arena, uint8_t, count *DFCGS_NUM_OTHERS);
     for (int c = 0; c < COLUMNS; c++) DFCGS_GET(w->residuals[c], arena, int64_t, count);
     return DFCGS_OK;
 }
 
-static dfcgs_status prepare(walk *w, const dfcgs_field *field, const uint32_t *order, const dfcgs_motion_header *header,
-                            const int32_t *before) {
+static dfcgs_status prepare(walk *w, const dfcgs_field *field, const uint32_t *order,
+                            const dfcgs_motion_header *header, const int32_t *before) {
     size_t mark = w->s->arena->used;
     uint8_t *inputs, *ordered;
     int64_t *expected;
-    DFCGS_GET(inputs, w->s->arena, uint8_t, (size_t)w->count * DFCGS_NUM_CONTROL_INPUTS);
-    DFCGS_GET(ordered, w->s->arena, uint8_t, (size_t)w->count * DFCGS_NUM_CONTROL_INPUTS);
-    DFCGS_GET(expected, w->s->arena, int64_t, (size_t)w->count * COLUMNS);
+    DFCGS_GET(inputs, w->s->arena, uint8_t, (size_t)w->count *DFCGS_NUM_CONTROL_INPUTS);
+    DFCGS_GET(ordered, w->s->arena, uint8_t, (size_t)w->count *DFCGS_NUM_CONTROL_INPUTS);
+    DFCGS_GET(expected, w->s->arena, int64_t, (size_t)w->count *COLUMNS);
     dfcgs_control_inputs(field, before, header->translation_step, header->turn_step, inputs, expected);
     for (size_t j = 0; j < w->count; j++) {
         size_t k = order[j];
-        memcpy(ordered + j * DFCGS_NUM_CONTROL_INPUTS, inputs + k * DFCGS_NUM_CONTROL_INPUTS, DFCGS_NUM_CONTROL_INPUTS);
+        memcpy(ordered + j * DFCGS_NUM_CONTROL_INPUTS, inputs + k * DFCGS_NUM_CONTROL_INPUTS,
+               DFCGS_NUM_CONTROL_INPUTS);
         memcpy(w->expected + j * COLUMNS, expected + k * COLUMNS, COLUMNS * sizeof *expected);
         memcpy(w->before + j * COLUMNS, before + k * COLUMNS, COLUMNS * sizeof *before);
     }
@@ -94,18 +102,22 @@ static dfcgs_status prepare(walk *w, const dfcgs_field *field, const uint32_t *o
     return DFCGS_OK;
 }
 
-/* `weights`: of the neighbours' mean, of the residuals of up to five columns; at the end of the symbol before, of habits. */
+/* `weights`: of the neighbours' mean, of the residuals of up to five columns; at the end of the symbol
+ * before, of habits. */
 static dfcgs_status read_column(walk *w, const int32_t *weights, int c) {
     size_t mark = w->s->arena->used;
     dfcgs_levels levels = dfcgs_order_levels(w->count);
     int64_t *own;
     DFCGS_GET_ZEROS(own, w->s->arena, int64_t, w->count);
-    for (int j = 0; j < c; j++) dfcgs_add_wide_feature(w->residuals[j], w->count, 1, weights[1 + j] * SYMBOL_WEIGHT, own);
+    for (int j = 0; j < c; j++)
+        dfcgs_add_wide_feature(w->residuals[j], w->count, 1, weights[1 + j] * SYMBOL_WEIGHT, own);
     dfcgs_add_feature(w->before + c, w->count, COLUMNS, weights[COLUMNS] * SYMBOL_WEIGHT, own);
     dfcgs_add_wide_feature(w->expected + c, w->count, COLUMNS, weights[COLUMNS + 1] * SIXTEENTH_WEIGHT, own);
-    dfcgs_other_inputs(w->before, w->symbols, w->count, COLUMNS, c, c >= TRANSLATIONS ? PRESENT : 0, w->others);
+    dfcgs_other_inputs(w->before, w->symbols, w->count, COLUMNS, c, c >= TRANSLATIONS ? PRESENT : 0,
+                       w->others);
     dfcgs_component component = {&w->part->network, w->prepared, w->others, NULL, own, weights[0]};
-    DFCGS_TRY(dfcgs_prior_column(w->s, &levels, &component, w->part->tables, COLUMNS, w->symbols + c, w->residuals[c]));
+    DFCGS_TRY(dfcgs_prior_column(w->s, &levels, &component, w->part->tables, COLUMNS, w->symbols + c,
+                                 w->residuals[c]));
     w->s->arena->used = mark;
     return DFCGS_OK;
 }

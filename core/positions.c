@@ -17,7 +17,8 @@ typedef struct {
     uint8_t *remaining;
 } tree;
 
-/* --- how many lie in the lower half ------------------------------------------------------------------------------ */
+/* --- how many lie in the lower half
+ * ------------------------------------------------------------------------------ */
 
 static int class_of(uint32_t count) { return count == 2 ? 0 : count <= 4 ? 1 : 2; }
 
@@ -83,7 +84,8 @@ static dfcgs_status split(tree *t, uint32_t *lower) {
     return DFCGS_OK;
 }
 
-/* --- keys ------------------------------------------------------------------------------------------------------- */
+/* --- keys
+ * ------------------------------------------------------------------------------------------------------- */
 
 /* Adds a cell at `depth`: one with a single Gaussian goes no further. */
 static void add_cell(tree *t, cell *to, uint32_t *num, cell added, int depth) {
@@ -146,7 +148,8 @@ static dfcgs_status sorted_keys(dfcgs_stream *s, uint32_t count, int key_bits, u
     return DFCGS_OK;
 }
 
-/* --- cells and indices ------------------------------------------------------------------------------------------ */
+/* --- cells and indices
+ * ------------------------------------------------------------------------------------------ */
 
 /* Every third bit of a key, from the lowest one. */
 static int64_t third_bits(uint64_t key) {

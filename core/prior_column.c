@@ -60,7 +60,8 @@ dfcgs_status dfcgs_prior_column(dfcgs_stream *s, const dfcgs_levels *levels, con
     int num_levels = levels->num_levels < DFCGS_PRIOR_LEVELS ? levels->num_levels : DFCGS_PRIOR_LEVELS;
     DFCGS_GET(w.column, s->arena, int32_t, levels->count);
     size_t passes = s->arena->used;
-    DFCGS_TRY(code_pass(&w, 0, 1u << num_levels, (levels->count + (1u << num_levels) - 1) >> num_levels, NULL, NULL));
+    DFCGS_TRY(code_pass(&w, 0, 1u << num_levels, (levels->count + (1u << num_levels) - 1) >> num_levels, NULL,
+                        NULL));
     s->arena->used = passes;
     for (int level = num_levels - 1; level >= 0; level--) DFCGS_TRY(code_level(&w, levels, level));
     for (uint32_t i = 0; i < levels->count; i++) values[(size_t)i * (size_t)columns] = w.column[i];

@@ -57,6 +57,7 @@ dfcgs_status dfcgs_reconstruct(int32_t *plane, const int32_t *symbols, uint32_t 
                                const uint8_t *coarseness) {
     int64_t largest = largest_of(symbols, count * (size_t)columns),
             limit = 2 * (int64_t)DFCGS_STATE_LIMIT / step;
+    if (largest == 0) return DFCGS_OK;
     if (largest > limit) return DFCGS_CORRUPT;
     if (largest * step < 1 << (30 - DFCGS_MULTIPLIER_BITS - 4))
         return reconstruct_narrow(plane, symbols, count, columns, step, coarseness);

@@ -56,8 +56,8 @@ static dfcgs_status read_runs(dfcgs_reader *r, const dfcgs_sequence *sequence) {
 }
 
 static int suits_networks(const dfcgs_sequence *s) {
-    return s->scale_exponent <= MAX_NETWORK_SCALE_EXPONENT && s->color_exponent >= MIN_NETWORK_COLOR_EXPONENT &&
-           s->color_exponent <= MAX_NETWORK_COLOR_EXPONENT;
+    return s->scale_exponent <= MAX_NETWORK_SCALE_EXPONENT &&
+           s->color_exponent >= MIN_NETWORK_COLOR_EXPONENT && s->color_exponent <= MAX_NETWORK_COLOR_EXPONENT;
 }
 
 static dfcgs_status read_units(dfcgs_reader *r, dfcgs_sequence *sequence) {

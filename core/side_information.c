@@ -28,8 +28,8 @@ dfcgs_status dfcgs_read_weights(dfcgs_stream *s, uint32_t count, int64_t *weight
 }
 
 /* The tables of `count` contexts from what was read of them. */
-static dfcgs_status tables_from_steps(dfcgs_stream *s, const int64_t *shape_steps, const int64_t *scale_steps, int count,
-                                      dfcgs_table *tables) {
+static dfcgs_status tables_from_steps(dfcgs_stream *s, const int64_t *shape_steps, const int64_t *scale_steps,
+                                      int count, dfcgs_table *tables) {
     int64_t shape = DFCGS_LAPLACE, scale = FIRST_SCALE - EXPECTED_SCALE_RISE;
     for (int j = 0; j < count; j++) {
         shape += shape_steps[j];
@@ -55,7 +55,8 @@ dfcgs_status dfcgs_read_tables(dfcgs_stream *s, int num_contexts, dfcgs_table *t
 }
 
 /* Weights of a context's symbols; `level` runs on. */
-static dfcgs_status levels_to_weights(dfcgs_stream *s, const int64_t *steps, uint32_t size, int64_t *level, int64_t *weights) {
+static dfcgs_status levels_to_weights(dfcgs_stream *s, const int64_t *steps, uint32_t size, int64_t *level,
+                                      int64_t *weights) {
     int64_t any = 0;
     for (uint32_t i = 0; i < size; i++) {
         *level += steps[i];
@@ -74,7 +75,7 @@ dfcgs_status dfcgs_read_histograms(dfcgs_stream *s, const uint8_t *used, int num
     uint64_t index;
     int64_t *steps, *weights, level = 0;
     for (int c = 0; c < num_contexts; c++) num_used += used[c];
-    DFCGS_GET(steps, s->arena, int64_t, (size_t)size * num_used);
+    DFCGS_GET(steps, s->arena, int64_t, (size_t)size *num_used);
     DFCGS_GET(weights, s->arena, int64_t, size);
     DFCGS_TRY(dfcgs_count_value(s, ABSENT_LEVEL, &index));
     DFCGS_TRY(dfcgs_flat(s, LAPLACE_TABLE + (int)index, size * num_used, steps));

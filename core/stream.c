@@ -1,6 +1,11 @@
 #include "stream.h"
 
-enum { MAX_UNIFORM_BITS = 16, ESCAPE_LENGTH_BITS = 5, NUM_LENGTHS = 32, START_SHIFT = DFCGS_FREQUENCY_BITS - 8 };
+enum {
+    MAX_UNIFORM_BITS = 16,
+    ESCAPE_LENGTH_BITS = 5,
+    NUM_LENGTHS = 32,
+    START_SHIFT = DFCGS_FREQUENCY_BITS - 8
+};
 #define MAX_QUANTILE (((uint64_t)1 << DFCGS_FREQUENCY_BITS) - 1)
 #define WORD_LIMIT ((uint64_t)1 << 32)
 
@@ -30,7 +35,9 @@ dfcgs_status dfcgs_finish(dfcgs_stream *s) {
     return dfcgs_corrupt(s->error, s->offset, "unused words in a range-coded stream");
 }
 
-static dfcgs_status lost(dfcgs_stream *s) { return dfcgs_corrupt(s->error, s->offset, "range decoder lost its way"); }
+static dfcgs_status lost(dfcgs_stream *s) {
+    return dfcgs_corrupt(s->error, s->offset, "range decoder lost its way");
+}
 
 /* Consumes a symbol of which `start` and `frequency` are known. */
 static inline void consume(dfcgs_stream *s, uint64_t scale, uint32_t start, uint32_t frequency) {
@@ -95,11 +102,12 @@ dfcgs_status dfcgs_bits(dfcgs_stream *s, int width, uint32_t count, uint64_t *va
     return DFCGS_OK;
 }
 
-/* --- 10.8 -------------------------------------------------------------------------------------------------- */
+/* --- 10.8 --------------------------------------------------------------------------------------------------
+ */
 
 /* The low bits of all values of one length, which are rows `order`. */
-static dfcgs_status escapes_of_length(dfcgs_stream *s, int length, const uint32_t *order, uint32_t count, uint64_t *low,
-                                      uint64_t *values) {
+static dfcgs_status escapes_of_length(dfcgs_stream *s, int length, const uint32_t *order, uint32_t count,
+                                      uint64_t *low, uint64_t *values) {
     DFCGS_TRY(dfcgs_bits(s, length, count, low));
     for (uint32_t j = 0; j < count; j++) values[order[j]] = low[j] + ((uint64_t)1 << length) - 1;
     return DFCGS_OK;
@@ -137,7 +145,8 @@ dfcgs_status dfcgs_signed_value(dfcgs_stream *s, uint64_t limit, int64_t *value)
     return DFCGS_OK;
 }
 
-/* --- 10.9 -------------------------------------------------------------------------------------------------- */
+/* --- 10.9 --------------------------------------------------------------------------------------------------
+ */
 
 void dfcgs_group(const uint8_t *contexts, uint32_t count, uint32_t *order, uint32_t *first) {
     uint32_t place[256];
@@ -148,8 +157,8 @@ void dfcgs_group(const uint8_t *contexts, uint32_t count, uint32_t *order, uint3
     for (uint32_t i = 0; i < count; i++) order[place[contexts[i]]++] = i;
 }
 
-static dfcgs_status group_symbols(dfcgs_stream *s, const dfcgs_model *model, const uint32_t *order, uint32_t count,
-                                  uint8_t *symbols) {
+static dfcgs_status group_symbols(dfcgs_stream *s, const dfcgs_model *model, const uint32_t *order,
+                                  uint32_t count, uint8_t *symbols) {
     dfcgs_stream own = *s;
     own.num_symbols += count;
     for (uint32_t j = 0; j < count; j++) {
@@ -161,8 +170,8 @@ static dfcgs_status group_symbols(dfcgs_stream *s, const dfcgs_model *model, con
     return DFCGS_OK;
 }
 
-dfcgs_status dfcgs_grouped(dfcgs_stream *s, const uint8_t *contexts, uint32_t count, const dfcgs_model *models,
-                           uint8_t *symbols) {
+dfcgs_status dfcgs_grouped(dfcgs_stream *s, const uint8_t *contexts, uint32_t count,
+                           const dfcgs_model *models, uint8_t *symbols) {
     size_t mark = s->arena->used;
     uint32_t *order, first[257];
     DFCGS_GET(order, s->arena, uint32_t, count);
@@ -174,11 +183,12 @@ dfcgs_status dfcgs_grouped(dfcgs_stream *s, const uint8_t *contexts, uint32_t co
     return DFCGS_OK;
 }
 
-/* --- 10.10 ------------------------------------------------------------------------------------------------- */
+/* --- 10.10 -------------------------------------------------------------------------------------------------
+ */
 
 /* Table symbols of one context; the rows that are escapes go to `escaped`. */
-static dfcgs_status table_symbols(dfcgs_stream *s, const dfcgs_model *model, const uint32_t *order, uint32_t count,
-                                  int64_t *values, uint32_t *escaped, uint32_t *num_escaped) {
+static dfcgs_status table_symbols(dfcgs_stream *s, const dfcgs_model *model, const uint32_t *order,
+                                  uint32_t count, int64_t *values, uint32_t *escaped, uint32_t *num_escaped) {
     dfcgs_stream own = *s;
     uint32_t last = model->size - 1, found = *num_escaped;
     int32_t reach = (int32_t)(model->size / 2);
@@ -202,23 +212,26 @@ static dfcgs_status add_excess(dfcgs_stream *s, const uint32_t *escaped, uint32_
     if (count == 0) return DFCGS_OK;
     DFCGS_GET(excess, s->arena, uint64_t, count);
     DFCGS_TRY(dfcgs_escapes(s, count, excess));
-    for (uint32_t j = 0; j < count; j++) values[escaped[j]] += dfcgs_sign(values[escaped[j]]) * (int64_t)excess[j];
+    for (uint32_t j = 0; j < count; j++)
+        values[escaped[j]] += dfcgs_sign(values[escaped[j]]) * (int64_t)excess[j];
     s->arena->used = mark;
     return DFCGS_OK;
 }
 
-static dfcgs_status append_low_bits(dfcgs_stream *s, int low_bits, const uint32_t *order, uint32_t count, int64_t *values) {
+static dfcgs_status append_low_bits(dfcgs_stream *s, int low_bits, const uint32_t *order, uint32_t count,
+                                    int64_t *values) {
     size_t mark = s->arena->used;
     uint64_t *low;
     DFCGS_GET(low, s->arena, uint64_t, count);
     DFCGS_TRY(dfcgs_bits(s, low_bits, count, low));
-    for (uint32_t j = 0; j < count; j++) values[order[j]] = dfcgs_shift(values[order[j]], low_bits) | (int64_t)low[j];
+    for (uint32_t j = 0; j < count; j++)
+        values[order[j]] = dfcgs_shift(values[order[j]], low_bits) | (int64_t)low[j];
     s->arena->used = mark;
     return DFCGS_OK;
 }
 
-dfcgs_status dfcgs_residuals(dfcgs_stream *s, const uint8_t *contexts, uint32_t count, const dfcgs_table *tables,
-                             int64_t *values) {
+dfcgs_status dfcgs_residuals(dfcgs_stream *s, const uint8_t *contexts, uint32_t count,
+                             const dfcgs_table *tables, int64_t *values) {
     size_t mark = s->arena->used;
     uint32_t *order, *escaped, first[257], num_escaped = 0;
     DFCGS_GET(order, s->arena, uint32_t, count);
@@ -226,12 +239,13 @@ dfcgs_status dfcgs_residuals(dfcgs_stream *s, const uint8_t *contexts, uint32_t 
     dfcgs_group(contexts, count, order, first);
     for (int c = 0; c < 256; c++)
         if (first[c] < first[c + 1])
-            DFCGS_TRY(table_symbols(s, tables[c].model, order + first[c], first[c + 1] - first[c], values, escaped,
-                                    &num_escaped));
+            DFCGS_TRY(table_symbols(s, tables[c].model, order + first[c], first[c + 1] - first[c], values,
+                                    escaped, &num_escaped));
     DFCGS_TRY(add_excess(s, escaped, num_escaped, values));
     for (int c = 0; c < 256; c++)
         if (first[c] < first[c + 1] && tables[c].low_bits)
-            DFCGS_TRY(append_low_bits(s, tables[c].low_bits, order + first[c], first[c + 1] - first[c], values));
+            DFCGS_TRY(
+                append_low_bits(s, tables[c].low_bits, order + first[c], first[c + 1] - first[c], values));
     s->arena->used = mark;
     return DFCGS_OK;
 }

@@ -32,14 +32,15 @@ dfcgs_status dfcgs_escapes(dfcgs_stream *s, uint32_t count, uint64_t *values);
 dfcgs_status dfcgs_count_value(dfcgs_stream *s, uint64_t limit, uint64_t *value);
 dfcgs_status dfcgs_signed_value(dfcgs_stream *s, uint64_t limit, int64_t *value);
 
-/* Rows in grouped order (10.9): `order` [count], by context, then by place; `first` [257]: where each context begins. */
+/* Rows in grouped order (10.9): `order` [count], by context, then by place; `first` [257]: where each context
+ * begins. */
 void dfcgs_group(const uint8_t *contexts, uint32_t count, uint32_t *order, uint32_t *first);
 /* 10.9; models[c] of each context c that occurs. */
-dfcgs_status dfcgs_grouped(dfcgs_stream *s, const uint8_t *contexts, uint32_t count, const dfcgs_model *models,
-                           uint8_t *symbols);
+dfcgs_status dfcgs_grouped(dfcgs_stream *s, const uint8_t *contexts, uint32_t count,
+                           const dfcgs_model *models, uint8_t *symbols);
 /* 10.10; tables[c] of each context c that occurs. */
-dfcgs_status dfcgs_residuals(dfcgs_stream *s, const uint8_t *contexts, uint32_t count, const dfcgs_table *tables,
-                             int64_t *values);
+dfcgs_status dfcgs_residuals(dfcgs_stream *s, const uint8_t *contexts, uint32_t count,
+                             const dfcgs_table *tables, int64_t *values);
 dfcgs_status dfcgs_flat(dfcgs_stream *s, int table, uint32_t count, int64_t *values);
 
 #endif

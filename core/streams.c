@@ -1,13 +1,14 @@
 #include "streams.h"
 
-dfcgs_status dfcgs_open_streams(dfcgs_streams *streams, dfcgs_reader *reader, const uint64_t *lengths, int count,
-                                dfcgs_stream stream) {
+dfcgs_status dfcgs_open_streams(dfcgs_streams *streams, dfcgs_reader *reader, const uint64_t *lengths,
+                                int count, dfcgs_stream stream) {
     uint64_t left = dfcgs_left(reader);
     for (int i = 0; i < count; i++) {
         if (lengths[i] > left) left = UINT64_MAX;
         if (left != UINT64_MAX) left -= lengths[i];
     }
-    if (left) return dfcgs_corrupt(reader->error, dfcgs_offset(reader), "stream lengths do not fill the payload");
+    if (left)
+        return dfcgs_corrupt(reader->error, dfcgs_offset(reader), "stream lengths do not fill the payload");
     *streams = (dfcgs_streams){.reader = reader, .lengths = lengths, .count = count, .stream = stream};
     return DFCGS_OK;
 }

@@ -13,7 +13,8 @@ typedef struct {
     int32_t *rotations, *axes; /* [count][4], [count][9] */
 } walk;
 
-/* Rows of a level, or of the base, where `frames` [rows][4] is NULL; `tilts` and `spins` [rows] are what is expected. */
+/* Rows of a level, or of the base, where `frames` [rows][4] is NULL; `tilts` and `spins` [rows] are what is
+ * expected. */
 typedef struct {
     uint32_t first, stride, rows;
     const int32_t *frames;
@@ -27,7 +28,8 @@ static void find_contexts(const walk *w, const pass *p, const int64_t *expected,
     for (uint32_t i = 0; i < p->rows; i++) {
         size_t row = p->first + (size_t)i * p->stride;
         int needle = w->shape->needles[row], base = DFCGS_NUM_SORT_CONTEXTS * (1 + needle) - 1;
-        contexts[i] = (uint8_t)(expected ? dfcgs_turn_context(expected[i], step_of(steps, row), needle) : base);
+        contexts[i] =
+            (uint8_t)(expected ? dfcgs_turn_context(expected[i], step_of(steps, row), needle) : base);
     }
 }
 
@@ -64,9 +66,10 @@ static dfcgs_status code_pass(walk *w, const pass *p) {
     DFCGS_TRY(read_symbols(w, p, &found));
     DFCGS_GET(tilts, arena, int32_t, 2 * (size_t)p->rows);
     DFCGS_GET(spins, arena, int32_t, p->rows);
-    DFCGS_TRY(dfcgs_worths(w->s, found.tilts, 2 * p->rows, &w->shape->tilts, p->first, p->stride, p->rows, alternating,
-                           tilts));
-    DFCGS_TRY(dfcgs_worths(w->s, found.spins, p->rows, &w->shape->spins, p->first, p->stride, p->rows, alternating, spins));
+    DFCGS_TRY(dfcgs_worths(w->s, found.tilts, 2 * p->rows, &w->shape->tilts, p->first, p->stride, p->rows,
+                           alternating, tilts));
+    DFCGS_TRY(dfcgs_worths(w->s, found.spins, p->rows, &w->shape->spins, p->first, p->stride, p->rows,
+                           alternating, spins));
     dfcgs_apply_turns(p->first, p->stride, p->rows, w->shape->needles, p->frames, tilts, spins,
                       w->has_flips ? found.flips : NULL, w->rotations, w->axes);
     arena->used = mark;
@@ -83,8 +86,8 @@ static dfcgs_status code_level(walk *w, int level) {
     DFCGS_GET(frames, arena, int32_t, 4 * (size_t)rows);
     DFCGS_GET(tilts, arena, int64_t, rows);
     DFCGS_GET(spins, arena, int64_t, rows);
-    dfcgs_expect_turns(w->axes, w->shape->needles, levels->count, level, dfcgs_level_weights(levels, level), frames, tilts,
-                       spins);
+    dfcgs_expect_turns(w->axes, w->shape->needles, levels->count, level, dfcgs_level_weights(levels, level),
+                       frames, tilts, spins);
     pass p = {1u << level, 2u << level, rows, frames, tilts, spins};
     DFCGS_TRY(code_pass(w, &p));
     arena->used = mark;
@@ -97,7 +100,7 @@ dfcgs_status dfcgs_read_turns(dfcgs_stream *s, const dfcgs_turn_shape *shape, in
     walk w = {.s = s, .shape = shape, .rotations = rotations};
     int num_levels = shape->levels.num_levels;
     uint32_t count = shape->levels.count;
-    DFCGS_GET(w.axes, s->arena, int32_t, (size_t)count * DFCGS_AXES);
+    DFCGS_GET(w.axes, s->arena, int32_t, (size_t)count *DFCGS_AXES);
     DFCGS_TRY(dfcgs_read_tables(s, NUM_CONTEXTS, w.tilt_tables));
     DFCGS_TRY(dfcgs_read_tables(s, NUM_CONTEXTS, w.spin_tables));
     DFCGS_TRY(dfcgs_choice(s, 1, &w.has_flips));

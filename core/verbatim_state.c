@@ -9,7 +9,9 @@ enum { EXPONENT_MASK = 255, BIAS = 150, MAX_SHIFT = 54 };
 #define FAR ((int64_t)1 << 60)
 
 static int exponent_of(uint32_t pattern) { return pattern >> 23 & EXPONENT_MASK; }
-static int is_nan(uint32_t pattern) { return exponent_of(pattern) == EXPONENT_MASK && (pattern & MANTISSA_MASK); }
+static int is_nan(uint32_t pattern) {
+    return exponent_of(pattern) == EXPONENT_MASK && (pattern & MANTISSA_MASK);
+}
 static int is_finite(uint32_t pattern) { return exponent_of(pattern) != EXPONENT_MASK; }
 
 /* m / 2**n to the nearest integer, halves to even; m >= 0, n >= 1 */
@@ -19,7 +21,8 @@ static int64_t round_even(int64_t m, int n) {
     return whole + (rest > half || (rest == half && (whole & 1)));
 }
 
-/* The value of a pattern over 2**exponent to the nearest integer, halves to even; +-FAR where that is larger. */
+/* The value of a pattern over 2**exponent to the nearest integer, halves to even; +-FAR where that is larger.
+ */
 static int64_t rounded(uint32_t pattern, int exponent) {
     int raw = exponent_of(pattern), shift = (raw ? raw : 1) - BIAS - exponent;
     int64_t mantissa = (pattern & MANTISSA_MASK) | (raw ? (int64_t)1 << 23 : 0), value;
@@ -65,13 +68,14 @@ static int exponent_of_attribute(const dfcgs_sequence *sequence, int attribute) 
     }
 }
 
-static void grid_plane(const dfcgs_sequence *sequence, int attribute, const uint32_t *patterns, uint32_t count,
-                       int32_t *plane) {
+static void grid_plane(const dfcgs_sequence *sequence, int attribute, const uint32_t *patterns,
+                       uint32_t count, int32_t *plane) {
     int columns = dfcgs_columns(attribute), exponent = exponent_of_attribute(sequence, attribute);
     for (size_t i = 0; i < count; i++)
         for (int c = 0; c < columns; c++) {
             size_t at = i * (size_t)columns + (size_t)c;
-            plane[at] = to_grid(patterns[at], exponent, attribute == DFCGS_POSITION ? sequence->origin[c] : 0);
+            plane[at] =
+                to_grid(patterns[at], exponent, attribute == DFCGS_POSITION ? sequence->origin[c] : 0);
         }
 }
 
@@ -79,7 +83,8 @@ void dfcgs_verbatim_state(const dfcgs_sequence *sequence, uint32_t *const *patte
     for (int a = 0; a < state->num_attributes; a++) {
         if (a != DFCGS_ROTATION) grid_plane(sequence, a, patterns[a], state->count, state->planes[a]);
         else
-            for (size_t i = 0; i < state->count; i++) to_quaternion(patterns[a] + 4 * i, state->planes[a] + 4 * i);
+            for (size_t i = 0; i < state->count; i++)
+                to_quaternion(patterns[a] + 4 * i, state->planes[a] + 4 * i);
     }
     dfcgs_compress_logits(state->planes[DFCGS_OPACITY], state->count, sequence->opacity_exponent,
                           state->planes[DFCGS_OPACITY]);

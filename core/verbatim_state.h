@@ -1,4 +1,4 @@
-/* 13.3 What P-frames after a verbatim I-frame refer to. */
+/* A.3 What P-frames after a verbatim I-frame refer to. */
 #ifndef DFCGS_VERBATIM_STATE_H
 #define DFCGS_VERBATIM_STATE_H
 

@@ -1,6 +1,7 @@
 /* Decodes files to their end: for libFuzzer, and, with files as arguments, on its own.
 
-   DFCGS_WORDS names a file with the model's words and DFCGS_HASH its hash in hexadecimal (tools/fuzz_core.py sets both). */
+   DFCGS_WORDS names a file with the model's words and DFCGS_HASH its hash in hexadecimal (tools/fuzz_core.py
+   sets both). */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -68,7 +69,8 @@ int main(int count, char **names) {
         int num_frames = 0;
         uint8_t *data = read_file(names[i], &size);
         int status = decode(data, size, &decoder, &num_frames);
-        printf("%s: status %d at %lld, %d frames\n", names[i], status, (long long)decoder.error.offset, num_frames);
+        printf("%s: status %d at %lld, %d frames\n", names[i], status, (long long)decoder.error.offset,
+               num_frames);
         if (status == DFCGS_MISUSE) abort();
         free(data);
     }

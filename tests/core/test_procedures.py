@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dfcgs_codec.codec.intra.turns import TurnWalk
+from dfcgs_codec.codec.motion import compensation
 from dfcgs_codec.core import procedures
 from dfcgs_codec.core.engine import has_core
 from dfcgs_codec.transform import control_points, lod
+from dfcgs_codec.transform.pole import axes_of_quaternions
+from dfcgs_codec.transform.rotation import normalise
 
 pytestmark = pytest.mark.skipif(not has_core(), reason="needs wasmtime")
 
@@ -40,6 +44,28 @@ def test_levels_of_detail(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     for one, other in zip(found.levels, wanted.levels, strict=True):
         assert np.array_equal(one.weights, other.weights)
         assert one.weights.dtype == other.weights.dtype
+
+
+@pytest.mark.parametrize("spread", [0, 300, 1 << 18])
+def test_turns_of_what_is_carried(spread: int) -> None:
+    rng = np.random.default_rng(spread)
+    quaternions = normalise(rng.integers(-(1 << 24), 1 << 24, (3000, 4)))
+    vectors = rng.integers(-spread, spread + 1, (3000, 3)) * (rng.random((3000, 1)) < 0.5)
+    assert np.array_equal(procedures.turned(quaternions, vectors), compensation._turned(quaternions, vectors))
+
+
+def test_turns_that_are_expected(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng, count = np.random.default_rng(0), 3001
+    axes = axes_of_quaternions(normalise(rng.integers(-(1 << 24), 1 << 24, (count, 4))))
+    steps, needles = np.full(count, 100), rng.random(count) < 0.5
+    walk = TurnWalk(steps, steps, needles, lod.build_levels(_cells(1, count)))
+    for level in walk.lod.levels:
+        wanted = walk._expected(level.rows, level, axes)
+        monkeypatch.setattr(procedures, "is_worth", lambda _: True)
+        found = walk._expected(level.rows, level, axes)
+        monkeypatch.undo()
+        for one, other in zip(found, wanted, strict=True):
+            assert np.array_equal(one, other)
 
 
 def test_few_rows_and_numpy_do_without_the_core(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -121,6 +121,12 @@ class Instance:
         """Write bytes."""
         ctypes.memmove(self._base + address, data, len(data))
 
+    def view_at(self, address: int, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> npt.NDArray[Any]:
+        """An array that lies in linear memory; of no use any more when that has grown, or is gone."""
+        size = np.dtype(dtype).itemsize * int(np.prod(shape))
+        data = (ctypes.c_ubyte * size).from_address(self._base + address)
+        return np.ndarray(shape, dtype, memoryview(data).cast("B"))
+
     def array_at(self, address: int, dtype: npt.DTypeLike, shape: tuple[int, ...]) -> npt.NDArray[Any]:
         """A copy of an array, that nobody may write to."""
         kind = np.dtype(dtype)

@@ -10,6 +10,7 @@ import numpy as np
 from dfcgs_codec.array_types import Bool, Int64, UInt8
 from dfcgs_codec.codec.columns.coder import SymbolCoder
 from dfcgs_codec.codec.columns.column import scaled_symbols
+from dfcgs_codec.core import procedures
 from dfcgs_codec.entropy.symbols import Groups, code_residuals, code_with_models
 from dfcgs_codec.transform.lod import NUM_NEIGHBOURS, Level, LevelsOfDetail, ladder
 from dfcgs_codec.transform.pole import axes_of_quaternions, predict_poles, rest_frames
@@ -158,6 +159,12 @@ class TurnWalk:
         is_needle = self.is_needle[rows]
         if level is None:
             return rest_frames(len(is_needle)), None, None
+        if procedures.is_worth(len(is_needle)) and level.weights.shape[1] == len(is_needle):
+            return procedures.expect_turns(axes, self.is_needle, level.weights, level.step.bit_length() - 2)
+        return self._predicted(is_needle, level, axes)
+
+    @staticmethod
+    def _predicted(is_needle: Bool, level: Level, axes: Int64) -> tuple[Int64, Int64, Int64]:
         coarse = axes[:: level.step]
         padded = np.pad(coarse, ((NUM_NEIGHBOURS // 2,) * 2, (0, 0), (0, 0)), mode="edge")
         count = len(is_needle)

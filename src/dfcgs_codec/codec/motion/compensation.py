@@ -17,6 +17,7 @@ from dfcgs_codec.codec.motion.followers import Binding
 from dfcgs_codec.codec.motion.walk import MotionShape, MotionSymbols
 from dfcgs_codec.codec.residual.classes import nonzero_rows
 from dfcgs_codec.codec.state.planes import FrameState, Plane
+from dfcgs_codec.core import procedures
 from dfcgs_codec.model.context_model import ContextModel
 from dfcgs_codec.transform.control_points import CELL_LIMIT, control_cells, gather_from
 from dfcgs_codec.transform.morton import morton_keys
@@ -153,6 +154,12 @@ class ControlSource:
 
 def turned(quaternions: Int64, vectors: Int64) -> Int64:
     """Quaternions (N, 4) turned from the left by `vectors` (N, 3); those of zero vectors keep their bits."""
+    if procedures.is_worth(len(quaternions)):
+        return procedures.turned(quaternions, vectors)
+    return _turned(quaternions, vectors)
+
+
+def _turned(quaternions: Int64, vectors: Int64) -> Int64:
     result = quaternions.copy()
     for part in pieces(len(result)):
         some, by = result[part], vectors[part]
