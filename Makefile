@@ -20,7 +20,7 @@ CODEC := tests --ignore tests/lab --ignore tests/evaluation --ignore tests/train
 VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit/transform tests/unit/test_ply.py
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval env-train demo test test-slow test-oldest test-newest test-evaluation test-training train train-prior check format core fuzz fuzz-core golden cli-page clean \
+.PHONY: help env env-eval env-train demo test test-slow test-oldest test-newest test-evaluation test-training train train-prior check format core fuzz fuzz-core golden cli-page player player-package test-player clean \
 	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-paper bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts picture fitted captures
 
 help: ## list the targets
@@ -200,6 +200,25 @@ fitted: env-eval ## rebuild the fitted training sequence into out/ (about 15 min
 
 cli-page: $(STAMP) ## docs/cli.md from the definitions of the commands
 	$(BIN)/python tools/make_cli_page.py
+
+player/node_modules: player/package-lock.json
+	npm ci --prefix player --no-audit --no-fund
+	touch $@
+
+player: player/node_modules ## the player of the package, from player/ (needs Node)
+	npm run --prefix player check
+	npm run --prefix player build
+
+player-package: player/node_modules $(STAMP) ## player/dfcgs-player-*.tgz, the npm package
+	mkdir -p player/dist
+	$(BIN)/python -c "from dfcgs_codec.player.assets import assets_json; print(assets_json())" > player/dist/assets.json
+	cd player && npm pack
+
+test-player: env-eval player-package ## the player in a real browser (chromium), and whether its build is up to date
+	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev,eval,player]'
+	npm run --prefix player check
+	cd player && node build.mjs check
+	$(BIN)/python -m pytest tests/player
 
 clean: ## remove what was built
 	rm -rf out build $(VENV) .venv-oldest .venv-newest

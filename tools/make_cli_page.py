@@ -18,7 +18,7 @@ _HEAD = """# The command line
 
 <!-- written by `make cli-page` from the definitions in src/dfcgs_codec/cli/: edit those -->
 
-`dfcgs` has three commands. `--help` behind each of them says what stands here, `dfcgs encode --help-all` with
+`dfcgs` has five commands. `--help` behind each of them says what stands here, `dfcgs encode --help-all` with
 the last group of options, which few need.
 
 From Python, options of `encode` are fields of `EncoderOptions` and `InputPolicy`, and arguments of

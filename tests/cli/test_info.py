@@ -82,7 +82,7 @@ def test_truncated_headers_are_refused(stream: Path, tmp_path: Path) -> None:
 
 def test_version_and_help() -> None:
     assert dfcgs_process("--version").stdout.strip().endswith(__version__)
-    for command in ((), ("encode",), ("decode",), ("info",)):
+    for command in ((), ("encode",), ("decode",), ("info",), ("view",), ("export",)):
         done = dfcgs(*command, "--help")
         assert done.returncode == 0
         assert "Examples:" in done.stdout

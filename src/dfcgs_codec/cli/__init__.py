@@ -24,6 +24,8 @@ _COMMANDS = {
     "encode": "Encode a folder of PLY frames into one .dgs file.",
     "decode": "Decode a .dgs file into a folder of PLY frames.",
     "info": "Say what is in a .dgs file and where its bytes go.",
+    "view": "Show a .dgs file, or two side by side, in the browser.",
+    "export": "Make a web page that plays a .dgs file.",
 }
 
 
@@ -69,6 +71,7 @@ def cli() -> None:
       dfcgs encode frames/ out.dgs
       dfcgs decode out.dgs decoded/
       dfcgs info out.dgs
+      dfcgs view out.dgs
 
     Exit codes: 0 done, 1 failed, 2 usage, 3 bitstream refused.
     """

@@ -1,0 +1,1 @@
+"""The player: a page that shows a `.dgs` file in the browser."""
