@@ -43,8 +43,10 @@ NAMES = ("tracked", "all_attributes_drift", "all_attributes_noise", "character_2
 def _seconds(path: Path, engine: str) -> Iterator[float]:
     """Of the processor, to arrays, hash checked, of each frame."""
     with path.open("rb") as file:
+        # what is loaded once a process is no frame's
+        decoder = SequenceDecoder(file, engine=engine)
         moments = [time.process_time()]
-        for frame in SequenceDecoder(file, engine=engine).frames():
+        for frame in decoder.frames():
             frame.cloud()
             moments.append(time.process_time())
     yield from (after - before for before, after in pairwise(moments))
