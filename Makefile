@@ -20,7 +20,7 @@ CODEC := tests --ignore tests/lab --ignore tests/evaluation --ignore tests/train
 VERSIONED := tests/conformance/test_conformance.py tests/unit/entropy tests/unit/transform tests/unit/test_ply.py
 
 .DEFAULT_GOAL := help
-.PHONY: help env env-eval env-train demo test test-slow test-oldest test-newest test-evaluation test-training train train-prior check format core fuzz fuzz-core golden cli-page player player-package test-player clean \
+.PHONY: help env env-eval env-train demo test test-slow test-oldest test-newest test-evaluation test-training test-player train train-prior check format core player player-package fuzz fuzz-core golden cli-page clean \
 	bench bench-full bench-quick bench-speed bench-zstd bench-spz bench-memory bench-motion bench-paper bench-intra bench-quantised bench-since bench-identity bench-smooth bench-troubles bench-captures bench-promise drift stress allocation charts picture fitted captures
 
 help: ## list the targets

@@ -23,7 +23,6 @@ interface Exports {
   core_room(size: number): number;
   core_open(words: number, count: number): number;
   core_begin(payload: number, size: number, offset: bigint, maxMemory: bigint, maxGaussians: bigint, check: number): number;
-  core_forget(): void;
   core_payload(type: number, size: number): number;
   core_put(type: number, frame: number, offset: bigint, payloadOffset: bigint, size: bigint, payload: number, payloadSize: number): number;
   core_output(wanted: number): number;
@@ -43,11 +42,10 @@ export class Core {
     this.called(this.core.core_open(words, model.length / 4));
     const payload = this.put(this.core.core_room(header.payload.length), header.payload);
     this.called(this.core.core_begin(payload, header.payload.length, BigInt(header.payloadOffset), DEFAULT_MEMORY, -1n, Number(check)));
-    this.forget();
   }
 
-  /** What follows begins with an I-frame. */
-  forget(): void { this.core.core_forget(); this.stale = ALL_ARRAYS; }
+  /** What follows begins with an I-frame, with which the core forgets what was before. */
+  forget(): void { this.stale = ALL_ARRAYS; }
 
   /** Takes a chunk; returns the type of the one that the frame needs next, 0 where it is whole. */
   take(chunk: Chunk): number {
