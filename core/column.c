@@ -24,17 +24,18 @@ typedef struct {
 
 /* --- what earlier columns say ------------------------------------------------------------------------ */
 
-static void add_features(int64_t *sum, const int32_t *feature, uint32_t count, int64_t weight) {
-    for (uint32_t i = 0; i < count; i++) sum[i] += feature[i] * weight;
+static void add_features(int64_t *sum, const int32_t *feature, uint32_t count, int32_t weight) {
+    for (uint32_t i = 0; i < count; i++) sum[i] += (int64_t)feature[i] * weight;
 }
 
-static void add_sources(int64_t *sum, const int32_t *source, uint32_t count, int64_t weight) {
-    for (uint32_t i = 0; i < count; i++) sum[i] += (source[i] < 0 ? -source[i] : source[i]) * weight;
+static void add_sources(int64_t *sum, const int32_t *source, uint32_t count, int32_t weight) {
+    for (uint32_t i = 0; i < count; i++)
+        sum[i] += (int64_t)(source[i] < 0 ? -source[i] : source[i]) * weight;
 }
 
 /* Sums [count] over all columns with weights other than 0, block by block, so that they stay in the cache. */
 static dfcgs_status weighted_sums(dfcgs_stream *s, const dfcgs_column_shape *shape, const int64_t *weights,
-                                  void (*add)(int64_t *, const int32_t *, uint32_t, int64_t),
+                                  void (*add)(int64_t *, const int32_t *, uint32_t, int32_t),
                                   const int64_t **sums) {
     uint32_t count = shape->levels.count;
     int64_t *sum, any = 0;
@@ -45,7 +46,7 @@ static dfcgs_status weighted_sums(dfcgs_stream *s, const dfcgs_column_shape *sha
     for (uint32_t start = 0; start < count; start += BLOCK) {
         uint32_t rows = count - start < BLOCK ? count - start : BLOCK;
         for (int j = 0; j < shape->num_earlier; j++)
-            if (weights[j]) add(sum + start, shape->earlier[j] + start, rows, weights[j]);
+            if (weights[j]) add(sum + start, shape->earlier[j] + start, rows, (int32_t)weights[j]);
     }
     *sums = sum;
     return DFCGS_OK;

@@ -62,9 +62,10 @@ static uint8_t narrow_class(const dfcgs_network *network, const int32_t *prepare
     v128_t others = wasm_u64x2_make(low, high);
     sums s = load_sums(prepared);
     add_four_pairs(layer->weights, wasm_u16x8_extend_low_u8x16(others), &s);
-    if (network->num_others > 8)
-        add_four_pairs(layer->weights + 4 * DFCGS_GROUP * DFCGS_PAIR, wasm_u16x8_extend_high_u8x16(others),
-                       &s);
+    const int16_t *more = layer->weights + 4 * DFCGS_GROUP * DFCGS_PAIR;
+    v128_t rest = wasm_u16x8_extend_high_u8x16(others);
+    if (network->num_others > 8 + DFCGS_PAIR) add_four_pairs(more, rest, &s);
+    else if (network->num_others > 8) add_pair(more, wasm_i32x4_shuffle(rest, rest, 0, 0, 0, 0), &s);
     values x = activate(&s, layer);
     while (++layer < last) {
         s = load_sums(layer->bias);

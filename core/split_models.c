@@ -75,16 +75,17 @@ static big split_weight(uint32_t alpha, int count, int k) {
     return w;
 }
 
+/* The model is the same from either end: weights of half of it are enough. */
 static void fill_split(int bias, int count, uint32_t *cumulative) {
-    int64_t weights[DFCGS_MAX_SPLIT_COUNT + 1];
-    big total = {{0}};
-    for (int k = 0; k <= count; k++) {
-        big w = split_weight(SPLIT_ALPHAS[bias], count, k);
-        big_add(&total, &w);
+    int64_t shares[DFCGS_MAX_SPLIT_COUNT + 1];
+    big weights[DFCGS_MAX_SPLIT_COUNT / 2 + 1], total = {{0}};
+    for (int k = 0; k <= count / 2; k++) {
+        weights[k] = split_weight(SPLIT_ALPHAS[bias], count, k);
+        big_add(&total, &weights[k]);
+        if (2 * k < count) big_add(&total, &weights[k]);
     }
-    for (int k = 0; k <= count; k++)
-        weights[k] = share_of(split_weight(SPLIT_ALPHAS[bias], count, k), &total);
-    dfcgs_from_weights(weights, (uint32_t)count + 1, cumulative);
+    for (int k = 0; k <= count / 2; k++) shares[k] = shares[count - k] = share_of(weights[k], &total);
+    dfcgs_from_weights(shares, (uint32_t)count + 1, cumulative);
 }
 
 const dfcgs_model *dfcgs_split_model(dfcgs_models *models, int bias, int count) {

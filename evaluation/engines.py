@@ -1,4 +1,4 @@
-"""How long the two engines decode, in turns in one run: `python -m evaluation.engines [FOLDER]`.
+"""How long the two engines decode, in turns in one run: `python -m evaluation.engines [FOLDER [NAME ...]]`.
 
 Files of FOLDER, `NAME.dgs`, are taken where they are there, others encoded into it.
 """
@@ -20,7 +20,7 @@ from dfcgs_codec.core.engine import ENGINES
 from dfcgs_codec.ply import read_ply
 from evaluation.speed import QP, character, noise_frames
 from lab.assets import find_asset
-from lab.record import write_result
+from lab.record import known_results, write_result
 from lab.scenes import VARIANTS, SceneOptions, trained_sequence
 
 _FRAMES = 6
@@ -43,8 +43,10 @@ NAMES = ("tracked", "all_attributes_drift", "all_attributes_noise", "character_2
 def _seconds(path: Path, engine: str) -> Iterator[float]:
     """Of the processor, to arrays, hash checked, of each frame."""
     with path.open("rb") as file:
+        # what is loaded once a process is no frame's
+        decoder = SequenceDecoder(file, engine=engine)
         moments = [time.process_time()]
-        for frame in SequenceDecoder(file, engine=engine).frames():
+        for frame in decoder.frames():
             frame.cloud()
             moments.append(time.process_time())
     yield from (after - before for before, after in pairwise(moments))
@@ -71,18 +73,18 @@ def measure(path: Path) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Measure and write the result."""
+    """Measure and write the result, sequence after sequence."""
+    conditions = {"qp": QP, "repeats": _REPEATS, "to": "arrays, hash checked", "seconds": "of the processor"}
+    results = known_results("core")
     with tempfile.TemporaryDirectory() as made:
         folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(made)
-        results = {}
-        for name in NAMES:
+        for name in sys.argv[2:] or NAMES:
             path = folder / f"{name}.dgs"
             if not path.exists():
                 encode_sequence(_sequence(name), path, EncoderOptions(qp=QP, gof_size=_FRAMES))
             results[name] = measure(path)
             print(name, {key: round(value, 2) for key, value in results[name]["times_faster"].items()})
-    conditions = {"qp": QP, "repeats": _REPEATS, "to": "arrays, hash checked", "seconds": "of the processor"}
-    write_result("core", conditions, results)
+            write_result("core", conditions, results)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The sources of the core as a native library, whose procedures take numpy arrays and integers."""
+"""Procedures of the core, called with numpy arrays and integers: built for this machine, and the module."""
 
 from __future__ import annotations
 
@@ -13,8 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dfcgs_codec.core.module import Instance
+
 CORE = Path(__file__).resolve().parents[2] / "core"
 _COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
+#: those that are pure procedures on arrays
+_SOURCES = (
+    *("core", "lod", "companding", "visibility", "reconstruct", "network", "prior"),
+    *("nearness", "farthest", "gather", "motion", "turns", "output", "hash"),
+)
 _FLAGS = ("-std=c11", "-O2", "-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 
 OK, CORRUPT = 0, 1
@@ -46,7 +53,7 @@ def _library() -> ctypes.CDLL:
         pytest.skip("no C compiler")
     folder = Path(tempfile.mkdtemp(prefix="dfcgs-core-"))
     path = folder / "core.so"
-    sources = sorted(str(source) for source in CORE.glob("*.c"))
+    sources = [str(CORE / f"{name}.c") for name in _SOURCES]
     subprocess.run([_COMPILER, *_FLAGS, "-o", str(path), *sources, "-lm"], check=True)
     library = ctypes.CDLL(str(path))
     shutil.rmtree(folder)
@@ -64,9 +71,65 @@ def _argument(value: Any) -> Any:
     return value if isinstance(value, ctypes.c_size_t) else ctypes.c_int32(value)
 
 
+class Native:
+    """The sources as the compiler of this machine builds them."""
+
+    def call(self, name: str, *arguments: Any) -> int:
+        """See `call`."""
+        return int(getattr(_library(), f"dfcgs_{name}")(*map(_argument, arguments)))
+
+
+class Module:
+    """The module of the package; each array keeps its place in memory, and is copied there and back."""
+
+    def __init__(self) -> None:
+        self._instance = Instance()
+        self._places: dict[int, tuple[int, Any]] = {}
+
+    def _place(self, value: Any, size: int) -> int:
+        if id(value) not in self._places:
+            self._places[id(value)] = self._instance.grow(max(size, 1)), value
+        return self._places[id(value)][0]
+
+    def _address(self, value: Any) -> int:
+        if value is None or isinstance(value, int | np.integer):
+            return int(value or 0)
+        if isinstance(value, np.ndarray):
+            place = self._place(value, value.nbytes)
+            self._instance.view_at(place, value.dtype, value.shape)[...] = value
+            return place
+        if not isinstance(value, Arena):
+            pytest.skip("holds addresses of this machine")
+        record = self._place(value, 16 + value.size)
+        self._instance.view_at(record, "<u4", (4,))[:] = record + 16, value.size, value.used, value.peak
+        return record
+
+    def call(self, name: str, *arguments: Any) -> int:
+        """See `call`."""
+        given = [self._address(value) for value in arguments]
+        try:
+            result = self._instance.call(f"dfcgs_{name}", *given)
+        except KeyError:
+            pytest.skip("no function of the module")
+        for value, place in zip(arguments, given, strict=True):
+            if isinstance(value, np.ndarray) and value.flags.writeable:
+                value[...] = self._instance.view_at(place, value.dtype, value.shape)
+            elif isinstance(value, Arena):
+                value.used = int(self._instance.view_at(place, "<u4", (4,))[2])
+        return result
+
+
+def use(machine: Native | Module) -> None:
+    """What `call` calls from now on."""
+    _used[:] = [machine]
+
+
+_used: list[Native | Module] = [Native()]
+
+
 def call(name: str, *arguments: Any) -> int:
     """Result of `dfcgs_<name>`; arrays are passed as they lie, integers as 32 bits, None as NULL."""
-    return int(getattr(_library(), f"dfcgs_{name}")(*map(_argument, arguments)))
+    return _used[0].call(name, *arguments)
 
 
 def int32(values: Any) -> np.ndarray[Any, np.dtype[np.int32]]:

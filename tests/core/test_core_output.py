@@ -13,6 +13,8 @@ from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.state.planes import FrameState, Plane, output
 from tests.core.library import call
 
+pytestmark = pytest.mark.usefixtures("both_machines")
+
 
 def _state(rng: np.random.Generator, count: int, degree: int, ordered: bool) -> FrameState:
     attributes = list(Attribute)[: 5 + degree]

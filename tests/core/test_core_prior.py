@@ -28,6 +28,8 @@ from dfcgs_codec.transform.lod import build_levels
 from tests.core.bindings import packed
 from tests.core.library import OK, Arena, call, int32
 
+pytestmark = pytest.mark.usefixtures("both_machines")
+
 PRIOR = context_model("main-1")
 MODEL_MISMATCH = 5
 

@@ -20,6 +20,8 @@ from dfcgs_codec.transform.rotation import normalise, round_divide
 from dfcgs_codec.transform.trellis import step_values
 from tests.core.library import CORRUPT, OK, call, int32
 
+pytestmark = pytest.mark.usefixtures("both_machines")
+
 EXPONENTS = (-60, -40, -20, -13, -11)
 
 

@@ -11,6 +11,8 @@ from dfcgs_codec.transform.pole import axes_of_quaternions, rest_frames
 from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, normalise
 from tests.core.library import call, int32
 
+pytestmark = pytest.mark.usefixtures("both_machines")
+
 
 def _quaternions(rng: np.random.Generator, count: int, spread: float) -> np.ndarray:
     around = normalise(rng.integers(-(1 << 24), 1 << 24, (1, 4)))

@@ -57,12 +57,6 @@ def _options(values: dict[str, Any]) -> EncoderOptions:
     )
 
 
-def _with_views(options: EncoderOptions, paths: list[Path]) -> tuple[EncoderOptions, list[str]]:
-    """The options with the cameras that lie beside the frames, and what is to be said of them."""
-    views, notes = views_beside(paths)
-    return replace(options, views=views), notes
-
-
 def _verify(target: Path) -> None:
     """Decode in a fresh process that has the file alone; every frame's hash is the encoder's."""
     command = [sys.executable, "-m", "dfcgs_codec", "decode", str(target), "--check-only", "--quiet"]
@@ -128,8 +122,8 @@ def encode(frames: tuple[str, ...], output: Path, **values: Any) -> None:
     )
     told = list(source.notes)
     if values["views"] is None and options.profile == Profile.MAIN and not options.is_lossless:
-        options, notes = _with_views(options, source.paths)
-        told += notes
+        views, notes = views_beside(source.paths)
+        options, told = replace(options, views=views), [*told, *notes]
     told += views_note(options.views)
     # said before the work begins: whoever meant other files need not wait for its end
     for note in told:

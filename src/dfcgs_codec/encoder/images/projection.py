@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from dfcgs_codec.array_types import Bool, Float64
+from dfcgs_codec.array_types import Bool, Float64, Int64
 from dfcgs_codec.encoder.images.splats import Splats, turned
 from dfcgs_codec.views.camera import ViewCamera
 
@@ -34,6 +34,10 @@ class Ellipses:
     c: Float64
     depth: Float64
     is_before: Bool
+
+    def take(self, rows: Int64) -> Ellipses:
+        """Some of them, in this order."""
+        return Ellipses(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def reach(self, alpha: Float64) -> Float64:
         """Half the sides (N, 2) of the boxes in which Gaussians of these opacities (N,) are drawn."""

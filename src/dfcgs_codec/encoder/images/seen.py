@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfcgs_codec.array_types import Float32, Float64, Int64, UInt16
+from dfcgs_codec.array_types import Float32, Float64, Int32, Int64, UInt16
 from dfcgs_codec.encoder.images.projection import LEAST_ALPHA, MOST_ALPHA, Ellipses, project
 from dfcgs_codec.encoder.images.splats import Splats
 from dfcgs_codec.views.camera import ViewCamera
@@ -31,27 +31,30 @@ class _Grid:
     shape: Int64
 
 
-def _pairs(middle: Float64, reach: Float64, grid: _Grid) -> tuple[Int64, Int64, Int64]:
-    """Gaussians, ascending, and columns and rows of the rays that may hit them."""
+def _pairs(middle: Float64, reach: Float64, grid: _Grid) -> tuple[Int64, Int32, Int32]:
+    """How many rays may hit each Gaussian (N,), and columns and rows of these, Gaussian after Gaussian."""
     first, spacing, shape = grid.first, grid.spacing, grid.shape
     low = np.clip(np.ceil((middle - reach - first) / spacing), 0, shape)
     high = np.clip(np.floor((middle + reach - first) / spacing) + 1, 0, shape)
-    low, high = np.nan_to_num(low).astype(np.int64), np.nan_to_num(high).astype(np.int64)
+    # an image has few rays: half the bytes are half the time
+    low, high = np.nan_to_num(low).astype(np.int32), np.nan_to_num(high).astype(np.int32)
     sides = np.maximum(high - low, 0)
-    counts = sides[:, 0] * sides[:, 1]
-    owner = np.repeat(np.arange(len(counts)), counts)
-    within = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-    rows = within // np.maximum(sides[owner, 0], 1)
-    columns = within - rows * sides[owner, 0]
-    return owner, columns + low[owner, 0], rows + low[owner, 1]
+    counts = sides[:, 0].astype(np.int64) * sides[:, 1]
+    starts = np.repeat((np.cumsum(counts) - counts).astype(np.int32), counts)
+    within = np.arange(len(starts), dtype=np.int32) - starts
+    widths = np.repeat(sides[:, 0], counts)
+    rows = within // widths
+    columns = within - rows * widths
+    return counts, columns + np.repeat(low[:, 0], counts), rows + np.repeat(low[:, 1], counts)
 
 
-def _alphas(ellipses: Ellipses, alpha: Float64, owner: Int64, points: tuple[Float64, Float64]) -> Float32:
-    """Opacity of each Gaussian `owner` (P,) at `points`, (P,) each."""
+def _alphas(ellipses: Ellipses, alpha: Float64, counts: Int64, points: tuple[Float64, Float64]) -> Float32:
+    """Opacity of each Gaussian (N,) at so many `counts` (N,) of `points`, (P,) each."""
     half = 0.5 / (ellipses.a * ellipses.c - ellipses.b**2)
-    a, b, c = ((k * half).astype(np.float32)[owner] for k in (ellipses.c, 2 * ellipses.b, ellipses.a))
-    u, v = ((p - ellipses.middle[owner, i]).astype(np.float32) for i, p in enumerate(points))
-    found: Float32 = alpha.astype(np.float32)[owner] * np.exp(-(a * u * u - b * u * v + c * v * v))
+    shape = (ellipses.c * half, 2 * ellipses.b * half, ellipses.a * half, alpha)
+    a, b, c, most = (np.repeat(k.astype(np.float32), counts) for k in shape)
+    u, v = ((p - np.repeat(ellipses.middle[:, i], counts)).astype(np.float32) for i, p in enumerate(points))
+    found: Float32 = most * np.exp(-(a * u * u - b * u * v + c * v * v))
     found[~(found >= LEAST_ALPHA)] = 0.0
     np.minimum(found, np.float32(MOST_ALPHA), out=found)
     return found
@@ -74,18 +77,18 @@ def _of_image(splats: Splats, camera: ViewCamera, near: float, offset: Float64) 
     spacing = max(1.0, float(sides.max()) / _RAYS)
     grid = _Grid(np.floor(offset * spacing) + 0.5, spacing, np.maximum(sides // spacing, 1).astype(np.int64))
     nearest_first = np.argsort(ellipses.depth, kind="stable")
-    reach = ellipses.reach(splats.alpha)
-    owner, columns, rows = _pairs(ellipses.middle[nearest_first], reach[nearest_first], grid)
-    owner = nearest_first[owner]
+    alpha, ellipses = splats.alpha[nearest_first], ellipses.take(nearest_first)
+    counts, columns, rows = _pairs(ellipses.middle, ellipses.reach(alpha), grid)
     points = grid.first[0] + columns * spacing, grid.first[1] + rows * spacing
-    alphas = _alphas(ellipses, splats.alpha, owner, points)
+    alphas = _alphas(ellipses, alpha, counts, points)
     hit = np.flatnonzero(alphas)
     # numbers of 16 bits are sorted in one pass, and stay front to back within a ray
-    ray = (rows[hit] * grid.shape[0] + columns[hit]).astype(np.uint16)
+    ray = (rows[hit] * np.int32(grid.shape[0]) + columns[hit]).astype(np.uint16)
     pairs = np.argsort(ray, kind="stable")
     alphas = alphas[hit][pairs]
     added = alphas * _light(ray[pairs], alphas)
-    total = np.bincount(owner[hit][pairs], added, len(splats.alpha)).astype(np.float64)
+    owner = np.repeat(nearest_first, counts)[hit][pairs]
+    total = np.bincount(owner, added, len(splats.alpha)).astype(np.float64)
     return total * (spacing * spacing)
 
 
