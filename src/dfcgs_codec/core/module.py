@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import struct
 from dataclasses import dataclass, fields
@@ -70,6 +71,8 @@ def _compiled() -> tuple[Any, Any]:
     # a slow import, and one that may fail: nobody but who decodes waits for it
     import wasmtime
 
+    # at the very end of a process nothing is left that could close them
+    atexit.register(_compiled.cache_clear)
     engine = wasmtime.Engine()
     return engine, wasmtime.Module.from_file(engine, str(MODULE))
 
