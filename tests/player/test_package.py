@@ -63,7 +63,8 @@ def digests(path: Path) -> list[str]:
 
 def test_every_frame_is_that_of_python(tab: Any, site: str, demo: Path) -> None:
     tab.goto(site)
-    tab.wait_for_function("window.digests")
+    # a function would be called, not waited for
+    tab.wait_for_function("() => Boolean(window.digests)")
     streams = [demo, *(path for path in sorted(VALID.glob("*.dgs")) if "paper" not in path.name)]
     assert len(streams) > 40
     for path in streams:
