@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from dfcgs_codec.core.engine import has_core
-from tests.core.library import Module, Native, use
+from tests.core.machines import Module, Native, use
 
 
 @pytest.fixture(params=["native", "module"])

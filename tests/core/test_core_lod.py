@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dfcgs_codec.transform.lod import LevelsOfDetail, build_levels, order_levels
-from tests.core.library import CORRUPT, Arena, call, int32
+from tests.core.machines import CORRUPT, Arena, call, int32
 
 pytestmark = pytest.mark.usefixtures("both_machines")
 

@@ -22,7 +22,7 @@ from dfcgs_codec.transform.control_points import control_cells, farthest_points,
 from dfcgs_codec.transform.morton import canonical_order, morton_keys
 from dfcgs_codec.transform.rotation import normalise
 from tests.core.bindings import BINDING, same
-from tests.core.library import CORRUPT, OK, Arena, call, int32
+from tests.core.machines import CORRUPT, OK, Arena, call, int32
 
 pytestmark = pytest.mark.usefixtures("both_machines")
 

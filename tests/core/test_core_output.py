@@ -11,7 +11,7 @@ import pytest
 from dfcgs_codec.bitstream.constants import STATE_COLUMNS, STATE_LIMIT, Attribute, Precision
 from dfcgs_codec.bitstream.sequence_header import UnitExponents
 from dfcgs_codec.codec.state.planes import FrameState, Plane, output
-from tests.core.library import call
+from tests.core.machines import call
 
 pytestmark = pytest.mark.usefixtures("both_machines")
 

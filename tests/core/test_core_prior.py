@@ -26,7 +26,7 @@ from dfcgs_codec.model.registry import context_model
 from dfcgs_codec.transform.control_points import Gathering
 from dfcgs_codec.transform.lod import build_levels
 from tests.core.bindings import packed
-from tests.core.library import OK, Arena, call, int32
+from tests.core.machines import OK, Arena, call, int32
 
 pytestmark = pytest.mark.usefixtures("both_machines")
 

@@ -18,7 +18,7 @@ from dfcgs_codec.errors import CorruptBitstream
 from dfcgs_codec.transform.companding import compress, expand, expand_thinness
 from dfcgs_codec.transform.rotation import normalise, round_divide
 from dfcgs_codec.transform.trellis import step_values
-from tests.core.library import CORRUPT, OK, call, int32
+from tests.core.machines import CORRUPT, OK, call, int32
 
 pytestmark = pytest.mark.usefixtures("both_machines")
 

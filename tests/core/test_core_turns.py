@@ -9,7 +9,7 @@ from dfcgs_codec.codec.intra.turns import TurnWalk, pole_turns
 from dfcgs_codec.transform.lod import build_levels, order_levels
 from dfcgs_codec.transform.pole import axes_of_quaternions, rest_frames
 from dfcgs_codec.transform.rotation import CELLS, ONE, from_stereo, multiply, normalise
-from tests.core.library import call, int32
+from tests.core.machines import call, int32
 
 pytestmark = pytest.mark.usefixtures("both_machines")
 
